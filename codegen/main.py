@@ -25,6 +25,9 @@ from obseq.errors import FormulaError, ObseqError
 from obseq.formulas import REGISTRY, Formula
 from obseq.formulas.families import formula as formula_named
 
+PARTS = ("formulas", "codegen", "generated")
+"""Folders at the root of a checkout of obseq."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs gencode; returns 0 done, 1 something is stale (`--check`), 2 it could not run."""
@@ -39,7 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         if options.c99:
             return _write_c99(formulas, options.c99)
-        return _run(formulas, generated_folder(), options)
+        folder = generated_folder()
+        check_place(folder, Path.cwd())
+        return _run(formulas, folder, options)
     except ObseqError as error:
         print(f"gencode: {error}", file=sys.stderr)
         return 2
@@ -59,13 +64,30 @@ def generated_folder() -> Path:
     spec = importlib.util.find_spec("obseq.generated")
     if spec is None or not spec.submodule_search_locations:
         raise FormulaError("the package obseq.generated is not installed")
-    return Path(next(iter(spec.submodule_search_locations)))
+    return Path(next(iter(spec.submodule_search_locations))).resolve()
 
 
 def checkout(generated: Path) -> Path | None:
     """The root of the project whose generated folder that is; None in an installed package."""
-    root = generated.resolve().parent
+    root = generated.parent
     return root if (root / "pyproject.toml").is_file() else None
+
+
+def check_place(generated: Path, here: Path) -> None:
+    """Refuses to write or check other modules than those of the checkout that one stands in.
+
+    Raises:
+        FormulaError: The folder is in a checkout of obseq, and the obseq that runs is another one.
+    """
+    for root in (here, *here.parents):
+        project = root / "pyproject.toml"
+        if project.is_file() and all((root / name / "__init__.py").is_file() for name in PARTS):
+            if not generated.is_relative_to(root.resolve()):
+                raise FormulaError(
+                    f"you are in the checkout {root}, but the obseq that runs has its formulas and modules "
+                    f"elsewhere ({generated}); install the checkout (pip install -e {root}), or leave it"
+                )
+            return
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -93,7 +115,7 @@ def _run(formulas: list[Formula], folder: Path, options: argparse.Namespace) -> 
     )
     found = _due(folder, modules, partial=bool(options.names))
     if options.check:
-        return _show(found)
+        return _show(found, folder)
     if not options.accept_more and (more := _with_more_operations(folder, modules)):
         return _refuse(more)
     apply(found)
@@ -103,7 +125,7 @@ def _run(formulas: list[Formula], folder: Path, options: argparse.Namespace) -> 
     for formula in formulas:
         if formula.name not in registered:
             print(f"wrote {ondemand.keep(formula)}")
-    print(f"{len(formulas)} formulas, {len(found)} files changed")
+    print(f"{len(formulas)} formulas, {len(found)} files changed in {folder}")
     return 0
 
 
@@ -155,12 +177,15 @@ def _pages(root: Path, modules: dict[str, Module]) -> list[Change]:
     return changes(root / FOLDER, pages)
 
 
-def _show(found: list[Change]) -> int:
+def _show(found: list[Change], folder: Path) -> int:
     for change in found:
         print(change.difference(), end="")
     if found:
-        print(f"gencode: {len(found)} generated files are stale; repair them with: gencode", file=sys.stderr)
-    return 1 if found else 0
+        stale = f"{len(found)} generated files of {folder} are stale"
+        print(f"gencode: {stale}; repair them with: gencode", file=sys.stderr)
+        return 1
+    print(f"{folder}: current")
+    return 0
 
 
 def _progress(name: str) -> None:

@@ -1,10 +1,10 @@
 """Texts of the files that gencode writes: one module per formula, the index, the report."""
 
-import hashlib
 import inspect
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from obseq.codegen.compiler import Derived
 from obseq.codegen.dependencies import functions_hash
@@ -13,10 +13,10 @@ from obseq.codegen.kernel_text import Printed
 from obseq.codegen.templating import template
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
+from obseq.module_texts import PENDING, sources_hash, text_hash
 
 WIDTH = 110
 FROM_MATH = frozenset({"sqrt"})
-PENDING = "pending"
 REPORT = "REPORT.md"
 COUNTS = re.compile(r"^\| `(\w+)` \|(?: \d+ \|){3} (\d+) \| (\d+) \|", re.MULTILINE)
 """Name and operations of a line of the report."""
@@ -71,8 +71,9 @@ def render(printed: Printed) -> Module:
 
 
 def render_index(modules: Iterable[tuple[str, str]]) -> str:
-    """The index: (formula name, module name) of everything generated."""
-    return template("index.py.jinja").render(modules=sorted(modules))
+    """The index: (formula name, module name) of everything generated; the hash of the equations' files."""
+    sources = sources_hash(Path(inspect.getfile(Formula)).parent)
+    return template("index.py.jinja").render(modules=sorted(modules), sources=sources)
 
 
 def render_family(family: str) -> str:
@@ -88,12 +89,6 @@ def render_report(rows: Iterable[dict[str, object]]) -> str:
 def recorded_operations(report: str) -> dict[str, tuple[int, int]]:
     """Operations by formula, of value and of value and Jacobian, that a report records."""
     return {name: (int(value), int(both)) for name, value, both in COUNTS.findall(report)}
-
-
-def text_hash(text: str) -> str:
-    """Hash of a module's text, whatever its own text hash says."""
-    blank = re.sub(r"text sha256:\w+", f"text sha256:{PENDING}", text, count=1)
-    return hashlib.sha256(blank.encode()).hexdigest()[:16]
 
 
 def _context(printed: Printed) -> dict[str, object]:

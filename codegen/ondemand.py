@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from obseq.arguments import expecting, instance
+from obseq.codegen.compiler import derive
 from obseq.codegen.pipeline import generate
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find
 from obseq.kernels.loading import Kernel, describe
-from obseq.kernels.ondemand import folder, in_memory
-from obseq.writing import write_text
+from obseq.kernels.ondemand import folder, in_memory, write_kept
 
 
 @expecting(formula=instance(Formula, what="a formula, an object of a class derived from Formula"))
@@ -34,8 +34,14 @@ def text_of(name: str) -> str | None:
     return None if formula is None else generate(formula, on_demand=True).text
 
 
+def formula_hash(name: str) -> str:
+    """Hash of the mathematics of a formula, as generated modules say it; empty without such a formula."""
+    formula = find(name)
+    return "" if formula is None else derive(formula).digest
+
+
 def keep(formula: Formula) -> Path:
     """Writes the module of a formula where those built on demand are kept; the file."""
     path = folder() / f"{formula.name}.py"
-    write_text(path, generate(formula, on_demand=True).text)
+    write_kept(path, generate(formula, on_demand=True).text)
     return path

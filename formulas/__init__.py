@@ -7,6 +7,7 @@ require("obseq.formulas", "gencode", *GENERATOR)
 from obseq.formulas import radiometry
 from obseq.formulas.backward import BACKWARD
 from obseq.formulas.base import Formula
+from obseq.formulas.beside import BESIDE
 from obseq.formulas.bundles import BUNDLES
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
 from obseq.formulas.colinearity import COLINEARITIES
@@ -43,10 +44,9 @@ from obseq.formulas.special_topography import (
     AxisPlane,
     AxisRadius,
     TopoAlpha,
-    TopoAlphaOff,
     TopoBeta,
-    TopoBetaOff,
     TopoDHParam,
+    TopoDHParamOff,
     TopoDistHz0,
 )
 from obseq.formulas.topography import (
@@ -54,18 +54,12 @@ from obseq.formulas.topography import (
     TopoDH,
     TopoDist,
     TopoDistHz,
-    TopoDistOff,
     TopoDX,
-    TopoDXOff,
     TopoDY,
-    TopoDYOff,
     TopoDZ,
-    TopoDZOff,
     TopoHz,
-    TopoHzOff,
     TopoScaledFrame,
     TopoZen,
-    TopoZenOff,
 )
 
 REGISTRY: tuple[Formula, ...] = (
@@ -79,21 +73,15 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDY(),
     TopoDZ(),
     TopoDH(),
-    TopoHzOff(),
-    TopoZenOff(),
-    TopoDistOff(),
-    TopoDXOff(),
-    TopoDYOff(),
-    TopoDZOff(),
     TopoScaledFrame(),
     TopoDistHz(),
     TopoAngle(),
     TopoDistHz0(),
     TopoAlpha(),
-    TopoAlphaOff(),
     TopoBeta(),
-    TopoBetaOff(),
     TopoDHParam(),
+    TopoDHParamOff(),
+    *BESIDE,
     AxisRadius(),
     AxisPlane(),
     AxisLink(),

@@ -1,6 +1,5 @@
 """What a formula is: a class whose `residual` declares, by its signature, unknowns and observations."""
 
-import functools
 import inspect
 import re
 import traceback
@@ -11,6 +10,7 @@ from typing import Any, ClassVar
 
 import sympy
 
+from obseq.cached import cached_property
 from obseq.errors import FormulaError
 from obseq.formulas.blocks import Atom, Declaration, Matrix3, Point2, Point3, Unit
 from obseq.formulas.functions import Scalar
@@ -63,7 +63,7 @@ class Formula(Patterned):
         """Names of what `residual` gives, when it is not one residual for each measured value."""
         return ()
 
-    @functools.cached_property
+    @cached_property
     def arguments(self) -> tuple[Argument, ...]:
         """The arguments of `residual`, in the order of its signature.
 

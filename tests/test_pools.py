@@ -1,11 +1,14 @@
 """Pools of threads end with their block, and an interruption stays one."""
 
 import os
+import subprocess
+import sys
 import threading
 import time
 
 import pytest
 
+from obseq.cached import cached_property
 from obseq.pools import processors, thread_pool
 
 
@@ -54,3 +57,59 @@ def test_what_python_makes_of_an_interruption_while_a_thread_starts():
 def test_other_errors_stay_what_they_are():
     with pytest.raises(RuntimeError, match="something else"), thread_pool(1):
         raise RuntimeError("something else")
+
+
+FORKS = """
+import os, sys, threading, time
+from importlib.resources import files
+from obseq.survey import Network
+
+folder = str(files("obseq.survey") / "data")
+
+def adjust():
+    Network.read(folder + "/demo.obs", folder + "/demo.cor", points_crs="IGNF:LAMB93").adjust()
+
+def work():
+    while True:
+        adjust()
+
+adjust()  # what another thread imports, no process that is forked meanwhile can import
+threading.Thread(target=work, daemon=True).start()
+for number in range(30):
+    time.sleep(0.003 * (number % 7))
+    child = os.fork()
+    if not child:
+        adjust()
+        os._exit(0)
+    begin = time.monotonic()
+    while os.waitpid(child, os.WNOHANG)[0] == 0:
+        if time.monotonic() > begin + 20.0:
+            os.kill(child, 9)
+            os._exit(3)
+        time.sleep(0.002)
+os._exit(0)
+"""
+
+
+@pytest.mark.slow
+def test_a_process_that_is_forked_while_another_thread_adjusts_can_adjust() -> None:
+    """With the locks of Python 3.11's cached properties, one in eight waits for ever."""
+    assert subprocess.run([sys.executable, "-W", "ignore", "-c", FORKS], check=False).returncode == 0
+
+
+def test_a_property_is_computed_once_and_holds_no_lock() -> None:
+    inside = []
+
+    class Square:
+        side = 3
+
+        @cached_property
+        def area(self) -> int:
+            inside.append(self)
+            if len(inside) == 1:  # another thread is not kept waiting by this one
+                with thread_pool(1) as pool:
+                    assert pool.submit(lambda: Square().area).result(timeout=10.0) == 9
+            return self.side**2
+
+    square = Square()
+    assert square.area == square.area == 9 and len(inside) == 2

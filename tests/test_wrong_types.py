@@ -12,7 +12,7 @@ import pytest
 import obseq
 from obseq import crs, report, survey
 from obseq.errors import ObseqError
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 
 FRAME, LAMBERT = "RTL*657700*6860700*0*IGNF:LAMB93", "IGNF:LAMB93"
 WRONG = {

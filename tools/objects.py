@@ -34,7 +34,6 @@ from obseq.kernels.loading import routine
 
 ROOT = Path(__file__).resolve().parents[1]
 LOOPS = {
-    "obseq.kernels.shared_rows": ("help_with_rows", "share_rows"),
     "obseq.kernels.tiles": ("call_kernel", "evaluate_jacobian", "evaluate_rows", "evaluate_values"),
     "obseq.leastsquares.assembly.small_loops": ("add_batch", "evaluate_batch", "find_step"),
     "obseq.leastsquares.loops.accumulation": ("assemble", "evaluate"),

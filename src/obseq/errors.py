@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import difflib
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from obseq.arrays import FloatArray, IntArray
 
@@ -124,6 +125,22 @@ class SolverUnavailableError(ObseqError):
 
 class SolverStateError(ObseqError):
     """A step was asked for before the one it needs: analyse, then factor, then solve."""
+
+
+@contextmanager
+def noting(notes: Iterable[str]) -> Iterator[None]:
+    """Lets errors inside tell, after their message, what has been noted before them (`__notes__`), once each.
+
+    Args:
+        notes: looked at when an error comes, so that a list may grow inside.
+    """
+    try:
+        yield
+    except ObseqError as error:
+        for note in notes:
+            if note not in getattr(error, "__notes__", ()):
+                error.add_note(note)
+        raise
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

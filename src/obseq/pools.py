@@ -1,4 +1,4 @@
-"""Threads for a piece of work, which end with it whatever happens."""
+"""Threads for a piece of work, which end with it whatever happens; locks that forked processes find open."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from _thread import RLock
     from collections.abc import Iterator
+    from threading import Lock
 
 NUMBERS = count()
 
@@ -21,6 +23,11 @@ def processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def let_go_at_fork(lock: Lock | RLock) -> None:
+    """Makes a fork wait until no other thread holds a lock: in the copy nobody would ever let go of it."""
+    os.register_at_fork(before=lock.acquire, after_in_parent=lock.release, after_in_child=lock.release)
 
 
 @contextmanager

@@ -325,7 +325,7 @@ def test_what_is_wanted_of_the_quality_is_said_on_the_command_line(site: Path, c
     assert record["observations"][11]["rejected"] is True
     assert len(record["relative"]) == 4
     assert adjust("--no-reliability", "--json", "a.json") == 0
-    assert "reliability" not in json.loads((site / "a.json").read_text(encoding="utf-8"))
+    assert json.loads((site / "a.json").read_text(encoding="utf-8"))["reliability"] is None
     assert "normalised" in capsys.readouterr().out
 
 
@@ -357,3 +357,16 @@ def test_messages_name_what_to_write(site: Path, capsys) -> None:
     assert "a number with its unit (sec, arcsec, cc, mgon, gon, deg, rad) is needed" in said
     assert main(["adjust", "--sigmas", "distance=2mm", "a.dat"]) == 2
     assert "give a project (before options that take several values)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("strategy", ["gauss-newton", "levenberg-marquardt", "dogleg", "qr"])
+def test_a_strategy_and_a_tolerance_lead_to_the_same_solution(shared_data, tmp_path, strategy):
+    project = str(shared_data / "comp3d-modane/project.comp")
+    usual, chosen = tmp_path / "usual.json", tmp_path / "chosen.json"
+    assert main(["adjust", project, f"--json={usual}"]) == 0
+    options = [f"--strategy={strategy}", "--tolerance=1e-9", f"--json={chosen}"]
+    assert main(["adjust", project, *options]) == 0
+    one, other = (json.loads(path.read_text()) for path in (usual, chosen))
+    assert other["sigma0"] == pytest.approx(one["sigma0"], rel=1e-10)
+    for first, second in zip(one["points"], other["points"], strict=True):
+        assert [second[axis] for axis in "xyz"] == pytest.approx([first[axis] for axis in "xyz"], abs=1e-8)

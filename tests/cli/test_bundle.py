@@ -271,7 +271,7 @@ def test_what_is_left_out_is_named_and_makes_the_exit_code_1(tables, capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (["--measures=nowhere.csv"], "nowhere.csv: No such file"),
+        (["--measures=nowhere.csv"], "nowhere.csv: there is no such file"),
         (["--freeze=Q9"], "no camera parameter matches 'Q9'"),
         (["--bal=b.txt"], "say where the block is"),
         (["--obs=a.obs"], "--obs and --cor go together"),
@@ -383,3 +383,24 @@ def test_a_script_of_dbat_is_a_block(shared_data, capsys):
 def test_a_sigma_for_measures_that_have_their_own_is_refused(shared_data, capsys):
     assert main(["bundle", f"--dbat={shared_data / 'dbat-sxb/sxb.xml'}", "--image-sigma=0.5"]) == 2
     assert "have sigmas of the measures" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("strategy", ["controlled", "gauss-newton", "dogleg", "qr"])
+def test_a_strategy_and_a_tolerance_lead_to_the_same_solution(tables, strategy):
+    folder, options, _ = tables
+    assert main(["bundle", *options, f"--json={folder / 'usual.json'}"]) == 0
+    chosen = [f"--strategy={strategy}", "--tolerance=1e-9", f"--json={folder / 'chosen.json'}"]
+    assert main(["bundle", *options, *chosen]) == 0
+    usual, found = (json.loads((folder / f"{name}.json").read_text()) for name in ("usual", "chosen"))
+    assert found["sigma0"] == pytest.approx(usual["sigma0"], rel=1e-10)
+    for one, other in zip(usual["images"], found["images"], strict=True):
+        np.testing.assert_allclose(other["centre"], one["centre"], atol=1e-7)
+
+
+def test_a_tolerance_ends_the_iterations(tables):
+    folder, options, _ = tables
+    counts = []
+    for tolerance in ("3", "1e-9"):
+        main(["bundle", *options, f"--tolerance={tolerance}", f"--json={folder / 'r.json'}"])
+        counts.append(len(json.loads((folder / "r.json").read_text())["iterations"]))
+    assert counts[0] < counts[1]

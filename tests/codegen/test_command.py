@@ -19,6 +19,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty generated folder, and a registry of three formulas."""
     monkeypatch.setattr(command, "generated_folder", lambda: tmp_path / "generated")
     monkeypatch.setattr(command, "REGISTRY", FEW)
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "generated").mkdir()
     return tmp_path / "generated"
 
@@ -49,11 +50,11 @@ def test_it_writes_everything_once(folder: Path, capsys: pytest.CaptureFixture[s
     assert times == {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
 
 
-def test_check_is_silent_when_all_is_well(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_says_which_folder_is_current(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main([])
     capsys.readouterr()
     assert main(["--check"]) == 0
-    assert capsys.readouterr() == ("", "")
+    assert capsys.readouterr() == (f"{folder}: current\n", "")
 
 
 def test_check_shows_a_hand_edit_and_the_repair(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -65,7 +66,7 @@ def test_check_shows_a_hand_edit_and_the_repair(folder: Path, capsys: pytest.Cap
     assert main(["--check"]) == 1
     shown = capsys.readouterr()
     assert "-            t1 = p1_x - p2_x\n" in shown.out and "+            t1 = p2_x - p1_x\n" in shown.out
-    assert "1 generated files are stale; repair them with: gencode" in shown.err
+    assert f"1 generated files of {folder} are stale; repair them with: gencode" in shown.err
     assert edited.read_bytes() == before
     assert main([]) == 0
     assert main(["--check"]) == 0

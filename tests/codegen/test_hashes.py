@@ -7,13 +7,13 @@ from unchanged import Seen
 
 from obseq.codegen.compiler import derive
 from obseq.codegen.dependencies import code_of, functions_hash
-from obseq.codegen.modules import text_hash
 from obseq.codegen.pipeline import generate
 from obseq.formulas import REGISTRY
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number
 from obseq.formulas.functions import Scalar
 from obseq.formulas.space import Dist3D
+from obseq.module_texts import text_hash
 
 HASHES = re.compile(r"formula sha256:(\w+)  text sha256:(\w+)  functions sha256:(\w+)")
 

@@ -13,10 +13,11 @@ from unchanged import Seen
 
 from obseq.codegen.compiler import derive
 from obseq.codegen.dependencies import functions_hash
-from obseq.codegen.modules import module_name, text_hash
+from obseq.codegen.modules import module_name
 from obseq.errors import FormulaError
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import Calculator, calculator, derivatives, formula_names
+from obseq.module_texts import text_hash
 
 VALUE_TOLERANCE = 1e-12
 JACOBIAN_TOLERANCE = 1e-9

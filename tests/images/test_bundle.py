@@ -19,6 +19,7 @@ from obseq.images import (
     Weighting,
     initial_block,
 )
+from obseq.images.output.record import record_of
 
 
 def _panel(shared_data, folder="Resec", calibrations="Calib", sigma=1.0, weighting=None):
@@ -324,8 +325,11 @@ def test_an_image_with_too_few_points_is_named():
     place = np.array([[10.0, 0.0, 3.0]])
     block.add_poses(["few"], place, scenes.looking_at(place, np.zeros(3)), cameras="c")
     block.add_measures(ImagePoints.of(["few"] * 2, ["P7", "P8"], [[1000.0, 700.0], [1100.0, 800.0]]))
-    with pytest.raises(SingularSystemError, match="Image few: 2 of its points take part, and a pose takes 3"):
-        block.solve()
+    found = block.solve()
+    assert "Image few: 2 of its points take part, and a pose takes 3" in found.weak
+    assert not record_of(found).is_complete
+    with pytest.raises(SingularSystemError, match="undetermined"):
+        found.point_covariances  # noqa: B018
 
 
 def test_a_control_point_that_is_free_takes_two_rays_as_any_other():

@@ -118,7 +118,7 @@ def test_broken_files_are_refused_with_their_place(tmp_path, reader, text, messa
 
 
 def test_a_missing_file_and_a_binary_one(tmp_path):
-    with pytest.raises(InputError, match=r"none\.csv: No such file"):
+    with pytest.raises(InputError, match=r"none\.csv: there is no such file"):
         read_cameras(tmp_path / "none.csv")
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match=r"b\.csv: not a text in UTF-8"):

@@ -33,7 +33,7 @@ def test_iterations_that_are_near_their_end_go_on_where_no_limit_was_given(seed)
 
 
 def test_iterations_far_from_their_end_stop_at_the_usual_number():
-    block, _, _ = scenes.block(n_control=3, n_points=40)
+    block, _, _ = scenes.block(n_control=10, n_points=60)
     (part,) = block.sets
     block.sets = [replace(part, measures=replace(part.measures, xy=part.measures.xy[:, ::-1].copy()))]
     found = block.solve(covariance=False)

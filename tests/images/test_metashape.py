@@ -204,7 +204,7 @@ def test_images_that_are_not_enabled_take_no_part_and_equal_labels_get_numbers(t
     block, _ = read_metashape(_metashape(tmp_path, text))
     assert block.poses.images == ("a.jpg",)
     assert block.sets[0].measures.xy.tolist() == [[1000, 700]]
-    assert block.notes == ["1 images are not enabled: b.jpg"]
+    assert "1 images are not enabled: b.jpg" in block.notes
     block, _ = read_metashape(_metashape(tmp_path, METASHAPE.replace("b.jpg", "a.jpg")))
     assert block.poses.images == ("a.jpg [3]", "a.jpg [5]")
     assert "1 labels are of several images" in block.notes[0]

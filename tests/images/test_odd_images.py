@@ -12,7 +12,9 @@ from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
 from obseq.images.adjustment import odd_images, trials
 from obseq.images.adjustment.causes import common_cause
 from obseq.images.initial import growth
+from obseq.images.output.block_record import BundleRecord
 from obseq.images.output.record import record_of
+from obseq.images.output.shares import RejectedShare
 from obseq.images.output.summary import suspected
 
 SIZE = np.array([scenes.CAMERA.width, scenes.CAMERA.height])
@@ -249,7 +251,23 @@ def test_an_image_that_is_rejected_as_a_whole_is_named_though_no_measure_of_it_i
     record = _record(block)
     assert record.converged and not record.suspects and not record.is_complete
     assert [share.name for share in record.rejected_shares] == ["image i5"]
+    assert suspected(record).startswith("1 of 8 images is not to be trusted: half of")
     assert "image i5 (" in suspected(record)
+
+
+def test_what_is_rejected_is_told_in_scale(monkeypatch):
+    record = _record(_block())
+
+    def told(kind, count):
+        shares = tuple(RejectedShare(kind, f"{kind} {k}", 4, 6) for k in range(count))
+        monkeypatch.setattr(BundleRecord, "rejected_shares", property(lambda _: shares))
+        assert not record.is_complete
+        return suspected(record)
+
+    assert told("point", 4).startswith("4 of 16 points are not to be trusted: half of")
+    assert "point 0 (4 of 6), point 1 (4 of 6)" in told("point", 4)
+    assert told("point", 8).startswith("the result is not to be trusted")
+    assert told("image", 2).startswith("2 of 5 images are not to be trusted")
 
 
 def test_a_good_block_is_trusted():

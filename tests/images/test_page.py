@@ -169,8 +169,8 @@ def test_the_page_of_a_stored_result_is_that_of_the_solution(solved, tmp_path, c
     ("before", "after", "message"),
     [
         ('"version": 4', '"version": 3', "format obseq-bundle 3 is not read"),
-        ('"redundancy":', '"other":', "redundancy is missing"),
-        ('"images": [', '"images": [7, ', r"images\[0\] is not an object"),
+        ('"redundancy":', '"other":', "missing required field `redundancy`"),
+        ('"images": [', '"images": [7, ', r"images\[0\]: Expected `object`"),
         ("{", "{{", "it is not a result file"),
         ('"obseq-bundle"', '"other"', "it is not the result of a bundle adjustment"),
     ],

@@ -1,14 +1,16 @@
 """A network in Helmert blocks is the network at once, also when a worker has lost its leaves."""
 
 from concurrent.futures import Future
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from obseq.errors import FormulaError, InputError
+from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares, solve_in_blocks
 from obseq.leastsquares.helmert.cutting import cut, homes
-from obseq.leastsquares.helmert.leaves import LEAVES
+from obseq.survey import Network
+from obseq.survey.adjustment.equations import Equations
 
 
 def network(n=12):
@@ -42,22 +44,53 @@ def network(n=12):
     return system, points, turns
 
 
-class Forgetful:
-    """An executor that has lost all leaves before each task."""
+class Here:
+    """Does each task at once; a subclass may spoil something before."""
 
     def submit(self, function, *arguments):
-        LEAVES.clear()
+        self.before(Path(arguments[0]))
         future = Future()
         future.set_result(function(*arguments))
         return future
 
+    def before(self, part):
+        """Called with the file of a part."""
 
-@pytest.mark.parametrize("executor", [None, Forgetful()], ids=["keeps leaves", "loses leaves"])
-def test_blocks_give_what_one_machine_gives(executor):
+
+class Losing(Here):
+    """Has lost what became of a leaf before each task."""
+
+    def before(self, part):
+        for file in part.parent.glob(f"{part.stem}.[0-9]*"):
+            file.unlink()
+
+
+class Twice(Here):
+    """Does each task twice, as a scheduler does that takes a slow worker for a lost one."""
+
+    def submit(self, function, *arguments):
+        super().submit(function, *arguments)
+        return super().submit(function, *arguments)
+
+
+class Stopped(Here):
+    """Is stopped after some tasks."""
+
+    def __init__(self, tasks):
+        self.left = tasks
+
+    def before(self, part):
+        self.left -= 1
+        if self.left < 0:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("executor", [None, Losing(), Twice()], ids=["here", "loses leaves", "twice"])
+def test_blocks_give_what_one_machine_gives(executor, tmp_path):
     whole, points, turns = network()
     system, *_ = network()
     expected = whole.solve(covariance=True)
-    found = solve_in_blocks(system, 2, executor)
+    found = solve_in_blocks(system, 2, executor, folder=tmp_path)
     assert found.converged
     assert found.redundancy == expected.redundancy
     assert found.sigma0 == pytest.approx(expected.sigma0, rel=1e-9)
@@ -66,7 +99,49 @@ def test_blocks_give_what_one_machine_gives(executor):
     assert np.allclose(found.variances, expected.cofactors.variances(), rtol=1e-8, atol=0.0)
     assert len(found.separators) == 3
     assert min(found.separators) > 0
-    assert not LEAVES
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("tasks", [0, 3, 4, 7, 9])
+def test_a_run_that_was_stopped_leaves_nothing_to_one_with_corrected_observations(tmp_path, tasks):
+    wrong, *_ = network(8)
+    lengths = wrong.batches[-1]
+    lengths.observations = lengths.observations[:, 0] + 0.01
+    with pytest.raises(KeyboardInterrupt):
+        solve_in_blocks(wrong, 2, Stopped(tasks), folder=tmp_path)
+    whole, points, _ = network(8)
+    system, *_ = network(8)
+    found = solve_in_blocks(system, 2, folder=tmp_path)
+    assert found.sigma0 == pytest.approx(whole.solve().sigma0, rel=1e-9)
+    assert np.abs(system.values(points) - whole.values(points)).max() < 1e-9
+
+
+def test_a_network_with_known_coordinates(tmp_path):
+    """Its system has linear rows: the known coordinates."""
+    rng = np.random.default_rng(5)
+    names, places = [f"P{k}" for k in range(10)], rng.uniform(0.0, 100.0, (10, 3))
+    known = ["0.002 0.003 0.004" if k % 3 == 0 else "" for k in range(10)]
+    lines = [
+        " ".join(["1" if sigmas else "0", name, *map(str, place), sigmas])
+        for name, place, sigmas in zip(names, places, known, strict=True)
+    ]
+    (tmp_path / "n.cor").write_text("\n".join(lines) + "\n")
+    lengths = np.linalg.norm(places[:, None] - places, axis=2) + rng.normal(0.0, 0.01, (10, 10))
+    sights = [f"3 {names[a]} {names[b]} {lengths[a, b]} 0.01" for a in range(10) for b in range(a)]
+    (tmp_path / "n.obs").write_text("\n".join(sights) + "\n")
+    read = Network.read(tmp_path / "n.obs", tmp_path / "n.cor")
+
+    def equations():
+        initial = read.fieldwork.initial_values()
+        return Equations(read.frame, read.point_system, read.points, read.book, initial)
+
+    whole, parts = equations(), equations()
+    expected, found = whole.system.solve(covariance=True), solve_in_blocks(parts.system, 2)
+    assert found.redundancy == expected.redundancy
+    assert found.sigma0 == pytest.approx(expected.sigma0, rel=1e-9)
+    differences = parts.system.values(parts.points) - whole.system.values(whole.points)
+    assert np.abs(differences).max() < 1e-8
+    assert np.allclose(found.variances, expected.cofactors.variances(), rtol=1e-6, atol=0.0)
 
 
 def test_iterations_end_at_their_number():
@@ -102,8 +177,3 @@ def test_what_cannot_be_cut_is_refused():
     system.constrain("Dist3D", {"p1": points[:1], "p2": points[1:2]}, [[100.0]])
     with pytest.raises(InputError, match="hard constraints"):
         solve_in_blocks(system, 1)
-    linear = LeastSquares()
-    places = linear.add_points(["a", "b"], np.zeros((2, 3)))
-    linear.add_linear([places], [np.ones((2, 3))], np.zeros(2), 1.0)
-    with pytest.raises((FormulaError, InputError)):
-        solve_in_blocks(linear, 1)

@@ -206,3 +206,29 @@ def test_a_loss_that_rejects_little_is_not_to_blame_for_what_nothing_determines(
     batch.loss = "tukey"
     with pytest.raises(SingularSystemError, match=r"^the observations leave 1 unknown\(s\) undetermined: y"):
         system.solve()
+
+
+def test_what_a_loss_leaves_no_weight_does_not_count_in_the_redundancy():
+    """Ten readings of one length, three of them beyond the threshold: as if these had not been made."""
+    rng = np.random.default_rng(2)
+    readings = 5.0 + rng.normal(0.0, 0.1, 10)
+    readings[[1, 4, 8]] += 30.0
+    results = []
+    for kept, loss in (
+        (np.arange(10), Attenuated(None, 5.0, 2.0)),
+        (np.delete(np.arange(10), [1, 4, 8]), None),
+    ):
+        system = LeastSquares()
+        (a,) = system.add_scalars(["a"], [5.0])
+        n = len(kept)
+        batch = system.add_linear([np.repeat(a, n)], [np.ones((n, 1))], readings[kept], 0.1)
+        batch.loss = loss
+        results.append(system.solve(covariance=True))
+    with_loss, without = results
+    assert (
+        (with_loss.n_observations, with_loss.redundancy)
+        == (without.n_observations, without.redundancy)
+        == (7, 6)
+    )
+    assert with_loss.sigma0 == pytest.approx(without.sigma0, rel=1e-12)
+    np.testing.assert_allclose(with_loss.precisions([0]), without.precisions([0]), rtol=1e-12)

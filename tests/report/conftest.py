@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 
 GON = math.pi / 200.0
 

@@ -1,8 +1,8 @@
 import json
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from obseq.errors import InputError
 from obseq.report import read_json, to_json
@@ -57,9 +57,9 @@ WRONG = {
     "{": "not a result file",
     '{"format": "obseq-derivative-checks"}': "not the result of an adjustment",
     '{"format": "obseq-adjustment", "version": 2}': "another version",
-    '{"format": "obseq-adjustment", "version": 1}': "n_observations is missing",
+    '{"format": "obseq-adjustment", "version": 1}': "missing required field `n_observations`",
     "[" * 100_000: "not a result file",
-    '{"sigma0": NaN}': "NaN is no number of JSON",
+    '{"sigma0": NaN}': "NaN is not a finite number",
 }
 
 
@@ -73,18 +73,18 @@ def test_what_is_no_result_is_refused(text, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"redundancy": 1.5}, "redundancy is not a whole number"),
-        ({"converged": 1}, "converged is neither true nor false"),
-        ({"points": {}}, "points is not a list"),
-        ({"points": [3]}, r"points\[0\] is not an object"),
+        ({"redundancy": 1.5}, "redundancy: Expected `int`"),
+        ({"converged": 1}, "converged: Expected `bool`"),
+        ({"points": {}}, "points: Expected `array`"),
+        ({"points": [3]}, r"points\[0\]: Expected `object`"),
         (
             {"iterations": [{"sigma0": 1.0, "max_step": "x"}]},
-            r"iterations\[0\].max_step is not a finite number",
+            r"iterations\[0\].max_step: Expected `float",
         ),
-        ({"frame": None}, "frame is not a text"),
+        ({"frame": None}, "frame: Expected `str`"),
         (
             {"run": {"identifier": "a", "created": "b", "versions": {"obseq": 1}}},
-            "run.versions.obseq is not a text",
+            r"run.versions\[...\]: Expected `str`",
         ),
     ],
 )
@@ -104,3 +104,23 @@ def test_names_keep_their_letters(plain, make) -> None:
 
 def test_an_empty_list_is_valid(make) -> None:
     assert json.loads(to_json(make(stations=[])))["stations"] == []
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (
+            '"n_unknowns": ',
+            '"n_unknowns": 1, "n_unknowns": ',
+            'the key "n_unknowns" comes twice in one object',
+        ),
+        ('"converged": true', '"converged": true, "sigma0": 1e999', "1e999 is not a finite number"),
+        ('"name":"B"', '"name":"A"', "point A comes twice"),
+    ],
+)
+def test_no_value_takes_the_place_of_another(before, after, said, record, tmp_path) -> None:
+    text = to_json(record)
+    assert before in text
+    (tmp_path / "a.json").write_text(text.replace(before, after, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        read_json(tmp_path / "a.json")

@@ -8,8 +8,8 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.records.shown_units import ShownUnits, chosen_units
 from obseq.report import units
-from obseq.shown_units import ShownUnits, chosen_units
 from obseq.survey import Network
 
 FEET = units.Units(ShownUnits("us-ft", "dms"))

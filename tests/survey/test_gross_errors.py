@@ -10,8 +10,8 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.records.shown_units import ShownUnits
 from obseq.report.units import Units
-from obseq.shown_units import ShownUnits
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST
 from obseq.survey.screening import search, trials

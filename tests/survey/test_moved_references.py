@@ -21,8 +21,11 @@ PLACES = {
 THREE = ("R0", "R1", "R2", "A", "B", "C", "D", "E")
 
 
-def epochs(folder, names, moved, codes=(5, 3), seed=1, datum=None):
-    """Two epochs in the plane of points seen from each other, some of which have moved (name: metres)."""
+def epochs(folder, names, moved, codes=(5, 3), seed=1, datum=None, common=None):
+    """Two epochs in the plane of points seen from each other, some of which have moved (name: metres).
+
+    Of all that are not common, the second epoch has others beside them.
+    """
     lines = [f"7 {n} {PLACES[n][0]} {PLACES[n][1]} 0 0.002" for n in names if n.startswith("R")]
     lines += [f"6 {n} {PLACES[n][0]} {PLACES[n][1]} 0" for n in names if not n.startswith("R")]
     (folder / "n.cor").write_text("\n".join(lines) + "\n")
@@ -43,6 +46,12 @@ def epochs(folder, names, moved, codes=(5, 3), seed=1, datum=None):
         places[network.points.index[name], :2] += shift
     there = replace(network, points=replace(network.points, coordinates=places))
     second = replace(Simulation(there).drawn(rng), points=first.points)
+    others = tuple(name if name in (common or names) else f"{name} new" for name in second.points.names)
+    second = replace(
+        second,
+        points=replace(second.points, names=others),
+        book=replace(second.book, point_names=others),
+    )
     return first.adjust(datum=datum), second.adjust(datum=datum)
 
 
@@ -60,8 +69,8 @@ def test_of_three_in_a_plane_the_one_that_moved_across_is_told_by_the_other_poin
 
 def test_without_other_points_nothing_tells_which_of_the_three(tmp_path):
     three = THREE[:3]
-    pair = epochs(tmp_path, THREE, {"R1": (0.03, 0.0)}, datum=Datum("inner", points=three))
-    found = compare(*pair, 0.01, points=three, reference=three)
+    pair = epochs(tmp_path, THREE, {"R1": (0.03, 0.0)}, datum=Datum("inner", points=three), common=three)
+    found = compare(*pair, 0.01, reference=three)
     assert (found.moved, found.significant) == ((), ())
     assert set(found.undecided) == {"R0", "R1"}
     (obstacle,) = found.obstacles

@@ -1,9 +1,8 @@
 """Coordinates whose file names a unit of length, in systems of other units: feet, degrees."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec import structs
 
 from obseq.cli.main import main
 from obseq.errors import InputError
@@ -147,7 +146,7 @@ def test_results_in_feet_are_read_again(tmp_path):
     expected = [[point.crs_x, point.crs_y, point.crs_z] for point in record.points]
     np.testing.assert_allclose(given(again), expected, rtol=0, atol=1e-6)
     np.testing.assert_allclose(again.points.sigmas[0], 0.01 * US_FOOT, rtol=1e-6)
-    metric = csv_of(replace(record, units=replace(record.units, length="m")))
+    metric = csv_of(structs.replace(record, units=structs.replace(record.units, length="m")))
     assert not metric.splitlines()[0].endswith(",unit")
 
 

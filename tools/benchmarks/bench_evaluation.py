@@ -7,7 +7,7 @@ of at most 256 evaluations by virtual functions), the generated loop runs over t
 copied out, all in a loop in C++: only ours pays for a call from Python. A loop without the calculator, which
 no user of the original has, is not the rival; nor are its checked accessors, entry by entry, charged to it.
 Neither pays for fresh pages: both write to memory that they have used before.
-CPU time, interleaved rounds, both on one processor. Where the public call shares its rows among two threads,
+CPU time, interleaved rounds, both on one processor. Where the public call shares its rows among threads,
 a second figure is what users see: both by the clock, ours on two processors; the rival, as the original, on
 one. Rows that leave the caches pass through memory whoever evaluates them: the share of our time that NumPy
 takes to add up the same arguments and to fill the same results, and do nothing else, is shown as well. Ours
@@ -37,7 +37,7 @@ from interleaved import Repeat, race, ratio
 from obseq.arrays import FloatArray
 from obseq.formulas import REGISTRY, Formula
 from obseq.kernels import Calculator, calculator, derivatives
-from obseq.kernels.calculator import THREADED_ROWS
+from obseq.kernels.calculator import SHARE
 from obseq.pools import processors
 
 ROWS = (1, 100, 1_000, 10_000, 100_000)
@@ -90,7 +90,7 @@ def bench(formula: Formula, sizes: Sequence[int], rounds: int, folder: Path) -> 
         row.ratios[n] = ratio(timings["rival"], timings["obseq"])
         if memory := timings.get("memory"):
             row.memory[n] = ratio(memory, timings["obseq"])
-        if n >= THREADED_ROWS and processors() > 1:
+        if n >= 2 * SHARE and processors() > 1:
             all_of_them["obseq"](SETTLED)
             timings = race(all_of_them, rounds, time.perf_counter)
             row.shared[n] = ratio(timings["rival"], timings["obseq"])

@@ -26,7 +26,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from obseq.errors import ObseqError
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.report import listing, page, summary, to_json
 from obseq.survey import Network, PointFileOptions
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,41 +20,13 @@ if TYPE_CHECKING:
     import argparse
 
 
-class Pools:
-    """Processes of this machine, each with its own leaves."""
+def executor(options: argparse.Namespace) -> Any:
+    """Processes of this machine, or a local cluster of Dask."""
+    if not options.dask:
+        return ProcessPoolExecutor(options.workers, mp_context=get_context("spawn"))
+    from distributed import Client, LocalCluster  # type: ignore[import-not-found,unused-ignore]
 
-    def __init__(self, workers: int) -> None:
-        context = get_context("spawn")
-        self.pools = [ProcessPoolExecutor(1, mp_context=context) for _ in range(workers)]
-
-    def submit(self, function: Any, file: str, *arguments: Any) -> Any:
-        """Sends work on a leaf to where that leaf is kept."""
-        return self.pools[int(Path(file).stem) % len(self.pools)].submit(function, file, *arguments)
-
-    def close(self) -> None:
-        """Ends the processes."""
-        for pool in self.pools:
-            pool.shutdown()
-
-
-class DaskWorkers:
-    """Workers of a Dask cluster, here a local one. If one is lost, another takes its leaves over."""
-
-    def __init__(self, workers: int) -> None:
-        from distributed import Client, LocalCluster  # type: ignore[import-not-found,unused-ignore]
-
-        self.client = Client(LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None))
-
-    def submit(self, function: Any, file: str, *arguments: Any) -> Any:
-        """Sends work on a leaf to where that leaf is kept."""
-        present = sorted(self.client.scheduler_info(n_workers=-1)["workers"])
-        worker = present[int(Path(file).stem) % len(present)]
-        return self.client.submit(function, file, *arguments, workers=[worker], pure=False)
-
-    def close(self) -> None:
-        """Ends the cluster."""
-        self.client.close()
-        self.client.cluster.close()
+    return Client(LocalCluster(n_workers=options.workers, threads_per_worker=1, dashboard_address=None))
 
 
 def arguments() -> argparse.Namespace:
@@ -72,11 +43,10 @@ def main() -> None:
     """Adjusts a survey in blocks, and at once; prints times and differences."""
     options = arguments()
     whole, blocks = survey(options.points, 1), survey(options.points, 1)
-    executor: Any = DaskWorkers(options.workers) if options.dask else Pools(options.workers)
     begin = time.perf_counter()
-    found = solve_in_blocks(blocks, options.depth, executor)
+    with executor(options) as workers:
+        found = solve_in_blocks(blocks, options.depth, workers)
     seconds = time.perf_counter() - begin
-    executor.close()
     print(f"{options.points} points, {blocks.n_unknowns} unknowns, {2**options.depth} leaves")
     print(f"    separators from the root down: {found.separators}")
     print(f"    {seconds:.2f} s for {len(found.costs) - 1} iterations, with start and standard deviations")

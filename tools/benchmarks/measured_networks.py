@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from obseq.cached import cached_property
 from obseq.survey import Network, Quality, network_from_tables
 from obseq.survey.model import Cluster
 from obseq.survey.planning.simulation import Simulation

@@ -3,18 +3,22 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
+
+from obseq.boundary import Boundary
 from obseq.cli.network_files import Source, add_network_arguments, given, source_of
-from obseq.cli.parsing import Commands, add_command, positive_integer
+from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import composed
-from obseq.record import AdjustmentRecord, PhaseRecord
+from obseq.records.adjustment import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable
 
@@ -91,12 +95,7 @@ def register(commands: Commands) -> None:
         "refraction coefficient of zenith angles (constant, scale, refraction); of each set-up or sub-frame: "
         "scale of the components dx dy dz (frame-scale)",
     )
-    computation.add_argument(
-        "--iterations",
-        type=positive_integer,
-        metavar="N",
-        help="stop at this number when not converged before",
-    )
+    add_iterations(computation, "controlled")
     computation.add_argument(
         "--strict",
         action="store_true",
@@ -114,6 +113,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     solving = {
         "max_iterations": arguments.iterations,
+        "tolerance": arguments.tolerance,
+        "strategy": arguments.strategy,
         "strict": arguments.strict,
         "quality": quality_of(arguments),
         "datum": _datum(arguments),
@@ -149,9 +150,9 @@ def adjust(request: Request) -> int:
         watch = Stopwatch(progress)
         record, others = _adjusted(request, watch)
         with watch.phase("write"):
-            write(record, request.outputs, others)
+            record = write(record, request.outputs, others)
     phases = (*record.phases, PhaseRecord("write", watch.seconds["write"]))
-    show(replace(record, phases=phases), request.outputs, list(others))
+    show(structs.replace(record, phases=phases), request.outputs, list(others))
     return 0 if record.is_complete else INCOMPLETE
 
 
@@ -174,6 +175,8 @@ def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dic
     if request.sinex is not None:
         from obseq.formats.conversion import sinex_of
 
-        files[request.sinex] = sinex_of(adjustment)
+        boundary = Boundary()
+        files = boundary.texts({request.sinex: partial(sinex_of, adjustment)})
+        adjustment = adjustment.failing(boundary.failures)
     record = adjustment.record(request.title)
-    return replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases)), files
+    return structs.replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases)), files

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
+from obseq.boundary import Boundary
 from obseq.cli.bundle_sources import DATUMS, add_sources, inputs, read_block
-from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, positive_number, say
+from obseq.cli.parsing import (
+    Commands,
+    add_command,
+    add_iterations,
+    output_file,
+    positive_integer,
+    positive_number,
+    say,
+)
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
+from obseq.errors import noting
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -98,7 +111,7 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
         choices=DATUMS,
         help="what fixes position, orientation and scale (without control points: centres or points)",
     )
-    computation.add_argument("--iterations", type=positive_integer, metavar="N", help="stop at this number")
+    add_iterations(computation, "levenberg-marquardt")
     computation.add_argument(
         "--threads", type=positive_integer, default=1, metavar="N", help="how many share the work"
     )
@@ -107,6 +120,7 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     outputs = _outputs(arguments)
+    text = outputs.get("text")
     check_writable([*outputs.values(), *_other_places(arguments)], inputs(arguments))
     with Progress("loading") as progress:
         from obseq.images.adjustment.causes import common_cause
@@ -116,17 +130,21 @@ def run(arguments: argparse.Namespace) -> int:
 
         progress("reading")
         block, datum = read_block(arguments)
-        _check_formats(arguments, block)
         given, options = block.poses, _options(datum, arguments)
-        with explained(block, progress, **options):
-            solution = _solve(block, options, progress)
-        cause = common_cause(block, solution, given, progress, **options)
+        with noting(block.notes):
+            _check_formats(arguments, block)
+            with explained(block, progress, **options):
+                solution = _solve(block, options, progress)
+        boundary = Boundary()
+        search = partial(common_cause, block, solution, given, progress, **options)
+        cause = boundary.attempt("the search for causes", search, "")
         progress("writing")
-        record = record_of(solution, cause=cause)
-        shown = summary(record, [str(path) for path in outputs.values()])
-        texts = {"json": record.to_json, "text": lambda: shown, **_writers(solution, record)}
-        files = {path: texts[option]() for option, path in outputs.items()}
-        write_all({**files, **_other_files(arguments, solution)})
+        record = record_of(solution, cause=cause, failures=boundary.failures)
+        boundary = Boundary()
+        files = boundary.texts(_writers(arguments, outputs, solution, record))
+        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
+        shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
+        write_all(files | ({} if text is None else {text: shown}))
     say(shown, outputs.values())
     return 0 if record.is_complete else INCOMPLETE
 
@@ -140,27 +158,28 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
     return {option: path for option, path in places.items() if path}
 
 
-def _writers(solution: BundleSolution, record: BundleRecord) -> Mapping[str, Callable[[], str]]:
+def _writers(
+    arguments: argparse.Namespace, outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord
+) -> dict[Path, Callable[[], str]]:
+    """What writes each of the files that are asked for, but the summary."""
     from obseq.images.output.clouds import camera_table, ply, point_table, pose_table
     from obseq.images.output.page import page
 
-    return {
+    writers = {
+        "json": record.to_json,
         "ply": lambda: ply(solution),
         "poses": lambda: pose_table(solution),
         "interior": lambda: camera_table(solution),
         "points": lambda: point_table(solution),
         "html": lambda: page(record),
     }
+    asked = {path: writers[option] for option, path in outputs.items() if option in writers}
+    return asked | _other_writers(arguments, solution)
 
 
 def _other_places(arguments: argparse.Namespace) -> list[Path]:
     """The files of other programs that are asked for."""
-    files = [path for path in (arguments.opk_out, arguments.bal_out) if path]
-    if arguments.colmap_out:
-        from obseq.formats.colmap.reader import WRITTEN
-
-        files += [arguments.colmap_out / name for name in WRITTEN]
-    return files
+    return [*(path for path in (arguments.opk_out, arguments.bal_out) if path), *_colmap_places(arguments)]
 
 
 def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> None:
@@ -178,25 +197,42 @@ def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> No
         check_names(block.camera_of)
 
 
-def _other_files(arguments: argparse.Namespace, solution: BundleSolution) -> dict[Path, str]:
-    """The adjusted block in the formats of other programs, where that is asked for."""
+def _other_writers(arguments: argparse.Namespace, solution: BundleSolution) -> dict[Path, Callable[[], str]]:
+    """What writes the adjusted block in the formats of other programs, where that is asked for."""
     from obseq.formats.bal.reader import bal_text
     from obseq.formats.colmap.reader import colmap_files
     from obseq.formats.opk.reader import opk_text
 
-    files: dict[Path, str] = {}
+    writers: dict[Path, Callable[[], str]] = {}
     if arguments.colmap_out:
-        files |= colmap_files(solution, arguments.colmap_out)
+        model = cache(lambda: colmap_files(solution, arguments.colmap_out))
+        writers |= {path: partial(_one_of, model, path) for path in _colmap_places(arguments)}
     if arguments.opk_out:
-        files[arguments.opk_out] = opk_text(solution.poses)
+        writers[arguments.opk_out] = lambda: opk_text(solution.poses)
     if arguments.bal_out:
-        files[arguments.bal_out] = bal_text(solution.adjusted_block())
-    return files
+        writers[arguments.bal_out] = lambda: bal_text(solution.adjusted_block())
+    return writers
+
+
+def _one_of(made: Callable[[], Mapping[Path, str]], path: Path) -> str:
+    """The text of one of the files that are made together."""
+    return made()[path]
+
+
+def _colmap_places(arguments: argparse.Namespace) -> list[Path]:
+    """The files of a model of COLMAP, if one is asked for."""
+    if not arguments.colmap_out:
+        return []
+    from obseq.formats.colmap.reader import WRITTEN
+
+    return [arguments.colmap_out / name for name in WRITTEN]
 
 
 def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> dict[str, Any]:
     """What the command line says of the solution."""
-    return {"datum": datum, "threads": arguments.threads, "max_iterations": arguments.iterations}
+    given = {"strategy": arguments.strategy} if arguments.strategy else {}
+    limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
+    return {"datum": datum, "threads": arguments.threads, **limits, **given}
 
 
 def _solve(block: BundleAdjustment, options: dict[str, Any], progress: Progress) -> BundleSolution:

@@ -1,8 +1,12 @@
 """`obseq bundle-adjust`: MMVII's `OriBundleAdj` on a project tree, with its options as it writes them."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 
+from msgspec import structs
+
+from obseq.boundary import Boundary
 from obseq.cli.parsing import Commands, add_command, output_file, say
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
@@ -69,16 +73,19 @@ def run(arguments: argparse.Namespace) -> int:
                 max_iterations=options.iterations,
                 progress=lambda step: progress(f"adjusting: {step}"),
             )
-        cause = common_cause(block, solution, block.poses, progress, max_iterations=options.iterations)
-        record = record_of(solution, cause=cause)
+        boundary, limit = Boundary(), options.iterations
+        search = partial(common_cause, block, solution, block.poses, progress, max_iterations=limit)
+        cause = boundary.attempt("the search for causes", search, "")
+        record = record_of(solution, cause=cause, failures=boundary.failures)
         results = Results(tree, options, arguments.orientation, arguments.out, arguments.json_files)
-        files = results.files(solution)
-        if arguments.json:
-            files[arguments.json] = record.to_json()
-        if arguments.html:
-            files[arguments.html] = page(record)
-        if arguments.ply:
-            files[arguments.ply] = ply(solution)
+        writers = {
+            arguments.json: record.to_json,
+            arguments.html: lambda: page(record),
+            arguments.ply: lambda: ply(solution),
+        }
+        boundary = Boundary()
+        files = boundary.texts({path: writers[path] for path in reports}) | results.files(solution)
+        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         check_writable(files)
         write_all(files)
     written = [tree.folder("Ori", arguments.out), *reports]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import positive_integer
-from obseq.errors import InputError
+from obseq.errors import InputError, noting
 
 if TYPE_CHECKING:
     import argparse
@@ -30,8 +30,8 @@ OTHERS = {
 WITHOUT_SIGMAS = ("bal", "bundler", "colmap")
 """Programs whose files do not say how good the measures are: one pixel unless the user says it."""
 
-WITH_SIGMAS = ("dbat", "photomodeler")
-"""Programs whose files say it for every measure."""
+WITH_SIGMAS = ("dbat",)
+"""Programs whose files say it for every measure (PhotoModeler's, for most)."""
 
 OPK_UNITS = ("degree", "gon", "radian")
 
@@ -87,30 +87,35 @@ def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | t
         raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {listed}")
     datum: str | tuple[str, ...] = arguments.datum or DATUMS[0]
     if given:
+        from obseq.formats.blocks.placing import bring_to_control
+
         (kind, path), *_ = given.items()
-        block, points = _read_other(arguments, kind, path)
-        _weigh(block, kind, arguments)
-        datum = points if points and arguments.datum is None else datum
-        _add_control(block, arguments)
+        block = _read_other(arguments, kind, path)
+        with noting(block.notes):
+            _weigh(block, kind, arguments)
+            _add_control(block, arguments)
+            if arguments.control:
+                bring_to_control(block)
+        if block.datum_points and not (arguments.datum or arguments.control):
+            datum = block.datum_points
     else:
         block = _read_tables(arguments)
-    _add_observations(block, arguments)
-    if arguments.freeze:
-        block.freeze_parameters(arguments.freeze)
+    with noting(block.notes):
+        _add_observations(block, arguments)
+        if arguments.freeze:
+            block.freeze_parameters(arguments.freeze)
     return block, datum
 
 
-def _read_other(
-    arguments: argparse.Namespace, kind: str, path: Path
-) -> tuple[BundleAdjustment, tuple[str, ...]]:
-    """The block of another program, and the points of its datum, if it says so."""
+def _read_other(arguments: argparse.Namespace, kind: str, path: Path) -> BundleAdjustment:
+    """The block of another program."""
     if kind == "aicon":
         from obseq.formats.aicon.reader import read_aicon
 
         if arguments.image_sigma is None:
             raise InputError("--aicon needs --image-sigma: its files do not say how good the measures are")
-        return read_aicon(path, arguments.image_sigma)
-    return _readers(arguments)[kind](path), ()
+        return read_aicon(path, arguments.image_sigma)[0]
+    return _readers(arguments)[kind](path)
 
 
 def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], BundleAdjustment]]:
@@ -131,7 +136,7 @@ def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], Bundle
         "colmap": read_colmap,
         "dbat": read_dbat,
         "metashape": lambda path: read_metashape(path, arguments.chunk, *sigmas)[0],
-        "photomodeler": lambda path: read_photomodeler(path, size),
+        "photomodeler": lambda path: read_photomodeler(path, size, arguments.image_sigma),
         "micmac": lambda path: read_v1_block(path, *points, arguments.image_sigma or 1.0),
     }
 

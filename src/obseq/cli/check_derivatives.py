@@ -1,12 +1,13 @@
 """`obseq check-derivatives`: generated derivatives against finite differences."""
 
 import argparse
-import json
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from obseq.cli.parsing import Commands, add_command, output_file, positive_integer, say
 from obseq.cli.progress import Progress
-from obseq.plain import finite
+from obseq.records.record import encoded
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -50,10 +51,11 @@ def to_text(checks: "list[DerivativeCheck]") -> str:
     width = max((len(check.name) for check in checks), default=0)
     lines = [f"{'formula':<{width}}  worst relative error  residual by unknown"]
     for check in checks:
-        mark = "" if check.passed else "  FAILED"
+        mark = "  STALE" if check.stale else "" if check.passed else "  FAILED"
         where = f"{check.residual} by {check.unknown}"
         lines.append(f"{check.name:<{width}}  {check.worst_relative_error:>20.2e}  {where}{mark}")
     failed = sum(not check.passed for check in checks)
+    lines += [check.stale for check in checks if check.stale]
     lines.append(f"{failed} of {len(checks)} failed" if failed else f"all {len(checks)} passed")
     return "\n".join(lines)
 
@@ -67,8 +69,9 @@ def to_json(checks: "list[DerivativeCheck]") -> str:
             "unknown": check.unknown,
             "residual": check.residual,
             "passed": check.passed,
+            "stale": check.stale,
         }
         for check in checks
     ]
-    table = {"format": "obseq-derivative-checks", "version": 1, "formulas": finite(rows)}
-    return json.dumps(table, indent=1, allow_nan=False) + "\n"
+    table = {"format": "obseq-derivative-checks", "version": 1, "formulas": rows}
+    return msgspec.json.format(encoded(table), indent=1) + "\n"

@@ -16,7 +16,7 @@ from obseq.writing import check_writable, write_all
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.comparison_record import ComparisonRecord
+    from obseq.records.comparison import ComparisonRecord
 
 MORE = """
 Adjusts both epochs in one frame, and tests which points have moved. Without --reference, the known points are

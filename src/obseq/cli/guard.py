@@ -27,6 +27,8 @@ def guarded(program: str, work: Callable[[], int]) -> int:
             code = work()
             sys.stdout.flush()
     except ObseqError as error:
+        for note in getattr(error, "__notes__", ()):
+            _say(f"note: {note}")
         return _fail(program, str(error))
     except BrokenPipeError:
         _forget_standard_output()

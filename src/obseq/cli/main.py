@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 
+from obseq.cli.gencode import generate as gencode
 from obseq.cli.guard import guarded
+from obseq.cli.mmvii import in_our_words
 from obseq.cli.parsing import CommandParser, Parser
 
 COMMANDS = {
@@ -37,6 +39,7 @@ COMMANDS = {
     ),
     "topo_adjust": ("topo-adjust",),
     "bundle_adjust": ("bundle-adjust",),
+    "mmvii": ("mmvii",),
     "formulas": ("formulas",),
     "check_derivatives": ("check-derivatives",),
     "versions": ("versions",),
@@ -78,7 +81,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
 
     def work() -> int:
-        chosen = parser(*given[:1]).parse_args(given)
+        words = given
+        if given[:1] == ["mmvii"] and given[1:] not in (["-h"], ["--help"]):
+            words = in_our_words(given[1:])
+            if not words:
+                return 0
+        if words[:1] == ["gencode"]:
+            return gencode(words[1:])
+        chosen = parser(*words[:1]).parse_args(words)
         code: int = chosen.run(chosen)
         return code
 

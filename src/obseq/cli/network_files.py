@@ -148,7 +148,20 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="standard deviations of observations whose file has none (STAR*NET, LandXML), with their units: "
         "distance=2mm distance-ppm=2ppm direction=3sec angle=3sec azimuth=10sec zenith=5sec height=1mm "
-        "height-per-km=1mm (sec, arcsec, cc, mgon, gon, deg, rad; mm, cm, m, ft, us-ft)",
+        "height-per-km=1mm instrument-centring=1mm target-centring=1mm vertical-centring=1mm (sec, arcsec, "
+        "cc, mgon, gon, deg, rad; mm, cm, m, ft, us-ft)",
+    )
+    computation.add_argument(
+        "--faces",
+        choices=("mean", "all"),
+        help="of sights in both faces of the telescope: adjust the means (mean), or all readings (all)",
+    )
+    computation.add_argument(
+        "--stochastic",
+        type=Path,
+        metavar="FILE",
+        help="what observations of each instrument are worth (TOML), in place of the sigmas of the files: "
+        "distance = '2mm + 2ppm', instrument-centring = '1mm', ...; [instrument.NAME] for one of its own",
     )
     computation.add_argument(
         "--ignore",
@@ -175,6 +188,8 @@ def source_of(arguments: argparse.Namespace) -> Source:
             "refraction": arguments.refraction,
             "ignore": arguments.ignore,
             "sigmas": arguments.sigmas,
+            "stochastic": arguments.stochastic,
+            "faces": arguments.faces,
             **_point_format(arguments),
         }
     )
@@ -202,7 +217,7 @@ def given(options: Options) -> Options:
 
 def _project_options(arguments: argparse.Namespace, reading: Options) -> Options:
     """What may be said about a project besides its name."""
-    accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas"}
+    accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas", "stochastic", "faces"}
     surplus = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
     if surplus:
         listed = ", ".join("--" + name.replace("_", "-") for name in surplus)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from obseq.errors import InputError, ObseqError
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from obseq.kernels import Kernel
@@ -49,7 +50,7 @@ def _use(kernel: "Kernel") -> None:
 def _names(path: Path) -> Mapping[str, Any]:
     """What a file defines, once it is run."""
     try:
-        compile(path.read_bytes(), str(path), "exec")
+        compile(read_bytes(path), str(path), "exec")
         return runpy.run_path(str(path), run_name=path.stem)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error

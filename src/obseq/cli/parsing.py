@@ -121,6 +121,29 @@ def say(text: str, outputs: Iterable[Path]) -> None:
     print(text, end="", file=stream)
 
 
+def add_iterations(group: argparse._ArgumentGroup, usual: str) -> None:
+    """Add what says how the iterations move, and when they end.
+
+    Args:
+        group: Options of the computation.
+        usual: The strategy that is taken when nothing is said.
+    """
+    from obseq.leastsquares.iterations.strategies import NAMES
+
+    group.add_argument("--iterations", type=positive_integer, metavar="N", help="stop at this number")
+    group.add_argument(
+        "--tolerance",
+        type=positive_number,
+        metavar="T",
+        help="the iterations end when nothing moves by more than this share of its standard deviation",
+    )
+    group.add_argument(
+        "--strategy",
+        choices=[name for name in NAMES if name != "l1"],
+        help=f"how the iterations move (without it: {usual})",
+    )
+
+
 def positive_number(text: str) -> float:
     """A finite number above zero."""
     value = _number(text)

@@ -13,7 +13,7 @@ from obseq.printable import composed
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
-    from obseq.plan_record import PlanRecord
+    from obseq.records.plan import PlanRecord
     from obseq.survey import Network
 
 PLAN = """

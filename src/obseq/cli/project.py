@@ -1,10 +1,11 @@
 """Commands of MMVII that compute on a project tree: `create-calib`, `resection`, `block-init` and others."""
 
 import argparse
+import sys
 from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import Commands, positive_integer, positive_number
-from obseq.cli.tree_command import Files, add_tree_command, ending_of
+from obseq.cli.tree_command import IMAGES, Files, add_tree_command, ending_of
 
 if TYPE_CHECKING:
     from obseq.images import Camera, ControlPoints, ImagePoints, UncalibratedResection
@@ -16,7 +17,7 @@ def register(commands: Commands) -> None:
     """Add the commands to the parser."""
     purpose = "write initial calibrations of images from metadata (MMVII's OriCreateCalib)"
     command = add_tree_command(
-        commands, "create-calib", _create_calibrations, purpose, ("images", "measures", "out")
+        commands, "create-calib", _create_calibrations, purpose, ("images", "any_measures", "out")
     )
     command.add_argument("--degree", nargs=3, type=int, default=[3, 1, 1], metavar=("R", "D", "G"))
     command.add_argument("--projection", default="Stenope", metavar="NAME", help="Stenope, FE_EquiDist, ...")
@@ -56,6 +57,7 @@ def register(commands: Commands) -> None:
 
     purpose = "find the relative poses of rigidly mounted cameras (BlockCamInit)"
     command = add_tree_command(commands, "block-init", _block, purpose, ("orientation", "pattern", "out"))
+    command.add_argument("--images", help=f"those that take part (all): {IMAGES}")
     command.add_argument("--groups", nargs=2, type=positive_integer, default=[1, 2], metavar=("CAM", "EXP"))
     command.add_argument("--master", metavar="CAMERA", help="whose frame is that of the block")
     command.add_argument("--name", default="TheBloc", help="of the block (TheBloc)")
@@ -79,7 +81,8 @@ def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> 
     rules = tree.rules(arguments.metadata)
     size = tuple(arguments.size) if arguments.size else None
     cameras: dict[str, Camera] = {}
-    for image in tree.images(arguments.images, tree.measures(arguments.measures)):
+    measures = None if arguments.any_measures == "*" else tree.measures(arguments.any_measures)
+    for image in tree.images(arguments.images, measures):
         camera = initial_camera(
             rules, image, size=size, degree=tuple(arguments.degree), projection=arguments.projection
         )
@@ -99,6 +102,7 @@ def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> 
 def _distribution(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.images import check_distribution
     from obseq.project.metadata import names_text
+    from obseq.spreadsheets import cell_of
 
     measures, control = _measured(arguments, tree)
     found = check_distribution(measures, control)
@@ -106,7 +110,7 @@ def _distribution(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[s
     for k, image in enumerate(found.images):
         indices = f"{found.linearity[k]:.6f},{found.planarity[k]:.6f}"
         answers = f"{int(found.allows_resection[k])},{int(found.allows_eleven_parameters[k])}"
-        lines.append(f"{image},{found.counts[k]},{indices},{answers}\n")
+        lines.append(f"{cell_of(image)},{found.counts[k]},{indices},{answers}\n")
     files: Files = {}
     if arguments.lists:
         for word, passed in (("Resec", found.allows_resection), ("11Param", found.allows_eleven_parameters)):
@@ -235,9 +239,12 @@ def _medians(
 def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.images import Exposures, initial_block
     from obseq.project.cameras import read_orientation
+    from obseq.project.metadata import chosen
     from obseq.project.rigid_blocks import BlockFile, block_text
 
     poses, _ = read_orientation(tree.orientation(arguments.orientation))
+    if arguments.images is not None:
+        poses = poses.select(tree.listed(arguments.images) or chosen(poses.images, arguments.images))
     exposures = Exposures.of(poses.images, arguments.pattern, *arguments.groups)
     block, pairs = initial_block(poses, exposures, arguments.master, arguments.name)
     lines, passed = [], True
@@ -261,12 +268,17 @@ def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Fil
 def _report(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.project.cameras import read_orientation
     from obseq.project.reports import gcp_reports
+    from obseq.project.systems import brought_to
 
     measures, control = _measured(arguments, tree)
-    poses, cameras = read_orientation(tree.orientation(arguments.orientation), measures.image_names)
+    orientation = tree.orientation(arguments.orientation)
+    control, told = brought_to(control, tree.points(arguments.points), orientation)
+    poses, cameras = read_orientation(orientation, measures.image_names)
     name = f"{arguments.orientation}_Mes-{arguments.points}-{arguments.measures}"
     folder = tree.folder("Reports", "ReportGCP") / name
     texts = gcp_reports(measures, control, poses, cameras)
+    if told:
+        print(told, file=sys.stderr)
     return texts["ByImage.csv"], {folder / file: text for file, text in texts.items()}, True
 
 
@@ -285,20 +297,28 @@ def _contents(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, 
 
 
 def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq import crs
     from obseq.project.points import points_text, read_control_points, read_entries, read_system, system_text
     from obseq.project.reports import converted
 
     folder = tree.points(arguments.points)
-    control = converted(read_control_points(folder), read_system(folder), arguments.system)
+    given, source = read_control_points(folder), read_system(folder)
+    system = tree.system(arguments.system)
+    is_new = system == "RTL"
+    if is_new:
+        system = crs.complete_rtl(given.coordinates, crs.parse(source)).definition
+    control = converted(given, source, system)
     out, ending = tree.folder("ObjCoordWorld", arguments.out), ending_of(arguments)
     as_json = arguments.json_files
     files: Files = {
         out / f"MesGCP-{arguments.out}{ending}": points_text(
             control, arguments.out, read_entries(folder), as_json=as_json
         ),
-        out / f"CurSysCo{ending}": system_text(arguments.system, as_json=as_json),
+        out / f"CurSysCo{ending}": system_text(system, as_json=as_json),
     }
-    return f"{len(control)} points in {arguments.system}\n", files, True
+    if is_new:
+        files[tree.folder("SysCo", f"RTL{ending}")] = system_text(system, as_json=as_json)
+    return f"{len(control)} points in {system}\n", files, True
 
 
 def _measured(arguments: argparse.Namespace, tree: "ProjectTree") -> "tuple[ImagePoints, ControlPoints]":

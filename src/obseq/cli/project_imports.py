@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 def register(commands: Commands) -> None:
     """Add the commands to the parser."""
     purpose = "show, try or change the rules that give metadata from image names (EditCalcMTDI)"
-    command = add_tree_command(commands, "edit-metadata", _edit_metadata, purpose, ("folder", "mode"))
+    command = add_tree_command(
+        commands, "edit-metadata", _edit_metadata, purpose, ("folder", "mode"), is_new=True
+    )
     command.add_argument(
         "--modify",
         nargs=3,
@@ -30,11 +32,13 @@ def register(commands: Commands) -> None:
     command.add_argument("--save", action="store_true", help="write the file, and keep the old one")
 
     purpose = "import 3D points from a text file (ImportGCP)"
-    command = add_tree_command(commands, "import-gcp", _import_points, purpose, ("file", "format", "out"))
+    command = add_tree_command(
+        commands, "import-gcp", _import_points, purpose, ("file", "format", "out"), is_new=True
+    )
     _add_point_options(command)
 
     purpose = "check a file of survey observations and copy it into the project (ImportOBS)"
-    add_tree_command(commands, "import-obs", _import_observations, purpose, ("file", "out"))
+    add_tree_command(commands, "import-obs", _import_observations, purpose, ("file", "out"), is_new=True)
 
 
 def _add_point_options(command: argparse.ArgumentParser) -> None:
@@ -56,6 +60,7 @@ def _add_point_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--first-line", type=int, default=0, metavar="K", help="from 0")
     command.add_argument("--last-line", type=int, metavar="K", help="the first that is not read")
     command.add_argument("--comment", default="#", metavar="C", help="what begins a comment (#)")
+    command.add_argument("--separator", default="", metavar="C", help="of fields, beside blanks and commas")
     command.add_argument("--skip-repeated", action="store_true", help="leave out repeated lines")
 
 
@@ -129,6 +134,7 @@ def _options(arguments: argparse.Namespace) -> "PointFileOptions":
         first_line=arguments.first_line,
         last_line=arguments.last_line,
         comment=arguments.comment,
+        separator=arguments.separator,
         skip_repeated=arguments.skip_repeated,
     )
 
@@ -153,6 +159,7 @@ def _converted(
 
 
 def _import_observations(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.reading.text import read_bytes
     from obseq.survey import read_obs
 
     path = Path(arguments.file)
@@ -161,4 +168,4 @@ def _import_observations(arguments: argparse.Namespace, tree: "ProjectTree") -> 
     book = read_obs(path)
     text = f"{len(book.observations)} observations of {len(book.point_names)} points, "
     text += f"{len(book.stations)} stations\n"
-    return text, {tree.folder("Topo", arguments.out) / path.name: path.read_bytes()}, True
+    return text, {tree.folder("Topo", arguments.out) / path.name: read_bytes(path)}, True

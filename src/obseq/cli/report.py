@@ -6,7 +6,7 @@ from pathlib import Path
 from obseq.cli.parsing import Commands, add_command, say
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, in_units, outputs_of, show, write
 from obseq.errors import InputError
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.result_file import read_plain
 from obseq.writing import check_writable, write_all
 
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
     check_writable([path for path, _ in outputs], map(Path, record.files or ()))
-    write(record, outputs)
+    record = write(record, outputs)
     show(record, outputs)
     return 0 if record.is_complete else INCOMPLETE
 

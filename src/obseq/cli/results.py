@@ -3,14 +3,18 @@
 import argparse
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec import structs
+
+from obseq.boundary import Boundary
 from obseq.cli.parsing import output_file, say
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import summary
-from obseq.shown_units import METRIC, chosen_units
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
@@ -49,7 +53,7 @@ def add_units(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
 
 def in_units(record: AdjustmentRecord, arguments: argparse.Namespace) -> AdjustmentRecord:
     """The record with the units of its reports that --units asks for."""
-    return replace(record, units=chosen_units(arguments.units, record.units))
+    return structs.replace(record, units=chosen_units(arguments.units, record.units))
 
 
 def shown_in(network: "Network", words: Iterable[str]) -> "Network":
@@ -75,9 +79,15 @@ def show(record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = ()
     say(summary(record, [str(path) for path in paths]), paths)
 
 
-def write(record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str] | None = None) -> None:
-    """Write all the results, other files among them, or none."""
-    write_all({**(others or {}), **{path: form.write(record) for path, form in outputs}})
+def write(
+    record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str | bytes] | None = None
+) -> AdjustmentRecord:
+    """Write all the results that can be made, other files among them; the record with what cannot."""
+    boundary = Boundary()
+    texts = boundary.texts({path: partial(form.write, record) for path, form in outputs})
+    write_all({**(others or {}), **texts})
+    told = tuple(boundary.failures)
+    return structs.replace(record, warnings=(*told, *record.warnings), failures=(*record.failures, *told))
 
 
 def _inside(folder: Path, stem: str) -> Iterator[tuple[Format, Path]]:

@@ -4,12 +4,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obseq.cli.parsing import Commands, add_command
+from obseq.cli.parsing import Commands, add_command, say
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_result_arguments, outputs_of, show, shown_in
+from obseq.cli.results import INCOMPLETE, add_result_arguments, outputs_of, show, shown_in, write
 from obseq.cli.tree_command import Files
 from obseq.errors import InputError
-from obseq.writing import check_writable, write_all
+from obseq.writing import check_writable
 
 if TYPE_CHECKING:
     from obseq.project.bundle_options import BundleOptions
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_writable([path for path, _ in outputs])
     with Progress("reading") as progress:
         from obseq.project.networks import control_of, network_of, survey_points
-        from obseq.project.topo import read_topo
+        from obseq.project.topo import read_topo, said_of_those_without_place
         from obseq.survey.network import MAX_ITERATIONS
 
         if not options.points:
@@ -65,7 +65,13 @@ def run(arguments: argparse.Namespace) -> int:
         record = adjustment.record()
         files = _files(arguments, tree, options, adjustment, definition)
         check_writable(files)
-        write_all(files | {path: form.write(record) for path, form in outputs})
+        record = write(record, outputs, files)
+    count = sum(observation.active for observation in record.observations)
+    sigmas = [*(step.sigma0 for step in record.iterations), record.sigma0]
+    lines = [f"Topo sigma0: {sigma0:g} ({count} obs)" for sigma0 in sigmas]
+    if lost := said_of_those_without_place(adjustment.book):
+        lines.append(lost)
+    say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
     show(record, outputs, list(files))
     return 0 if record.is_complete else INCOMPLETE
 

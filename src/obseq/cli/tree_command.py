@@ -24,6 +24,7 @@ Job = Callable[[argparse.Namespace, "ProjectTree"], tuple[str, Files, bool]]
 WORDS = {
     "images": IMAGES,
     "measures": "folder of measures in images (ObjMesInstr, PointsMeasure)",
+    "any_measures": "folder of measures in images; * for any, and for images in the folder of the project",
     "points": "folder of 3D points (ObjCoordWorld, PointsMeasure)",
     "calibrations": "folder of orientations with the calibrations",
     "orientation": "folder of orientations (Ori)",
@@ -31,17 +32,26 @@ WORDS = {
     "system": "the new coordinate system",
     "out": "folder that is written",
     "file": "what is imported",
-    "format": "fields of a line: N X Y Z, and A, Sx Sy Sz, Sxyz, ? (skip), Bla (the rest)",
+    "format": "fields of a line: N X Y Z, and A, Sx Sy Sz, Sxyz, ? or S (skip), Bla (the rest)",
     "folder": "folder of metadata (MetaData)",
     "mode": "what the rules give: Focalmm, FocalPix, PPPix, Aperture, ModelCam, NbPixel, AdditionalName",
 }
 
 
 def add_tree_command(
-    commands: Commands, name: str, job: Job, purpose: str, positional: Sequence[str]
+    commands: Commands, name: str, job: Job, purpose: str, positional: Sequence[str], *, is_new: bool = False
 ) -> argparse.ArgumentParser:
-    """Add a command on a project tree, with the positional arguments of `WORDS`."""
-    command = add_command(commands, name, _run(job), purpose, "", EXIT)
+    """Add a command on a project tree, with the positional arguments of `WORDS`.
+
+    Args:
+        commands: where it is added.
+        name: what the user types.
+        job: what it does.
+        purpose: its line in the list of commands.
+        positional: names of its arguments.
+        is_new: whether it makes the tree where there is none.
+    """
+    command = add_command(commands, name, _run(job, is_new), purpose, "", EXIT)
     for one in positional:
         command.add_argument(one, metavar=one.upper(), help=WORDS[one])
     command.add_argument(
@@ -57,12 +67,12 @@ def ending_of(arguments: argparse.Namespace) -> str:
     return ".json" if arguments.json_files else ".xml"
 
 
-def _run(job: Job) -> Callable[[argparse.Namespace], int]:
+def _run(job: Job, is_new: bool) -> Callable[[argparse.Namespace], int]:
     def run(arguments: argparse.Namespace) -> int:
         from obseq.project.layout import ProjectTree
 
         with Progress("computing"):
-            text, files, passed = job(arguments, ProjectTree.at(arguments.project))
+            text, files, passed = job(arguments, ProjectTree.at(arguments.project, is_new=is_new))
             check_writable(files)
             write_all(files)
         print(printable(text), end="")

@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import linecache
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.compilation.settings import SETTINGS
 from obseq.dataclass import dataclass
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import operator
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.compilation.digests import Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.settings import FAILED, OBJECT_HEADER

@@ -18,9 +18,8 @@ from numba.core import codegen, compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 
-from obseq.compilation import front_end, host
+from obseq.compilation import host
 from obseq.compilation.digests import Function, Instruction, named_values
-from obseq.compilation.quick_division import has_wide_vectors, quickened
 from obseq.compilation.settings import FAILED, OBJECT_HEADER, TYPE_NUMBERS
 
 if TYPE_CHECKING:
@@ -106,7 +105,7 @@ def optimised(function: Function, signature: Signature, symbol: str, machine: Va
 
 def assembled(function: Function, signature: Signature, symbol: str) -> Value:
     """LLVM's module of a function and all that it calls, as numba writes it; the entry is the symbol."""
-    with global_compiler_lock, front_end.hurrying():
+    with global_compiler_lock:
         context = cpu_target.target_context
         usual, context._internal_codegen = context._internal_codegen, _codegen()
         try:
@@ -124,9 +123,6 @@ def optimise(module: Value, machine: Value, symbol: str, signature: Signature) -
         if not function.is_declaration and function.name != symbol:
             function.linkage = "internal"
     _run_passes(module, machine, KERNEL_EFFORT if is_kernel(signature) else LOOP_EFFORT)
-    if signature.wide and has_wide_vectors(machine) and (text := quickened(str(module))):
-        module = llvm.parse_assembly(text)
-        _run_passes(module, machine, KERNEL_EFFORT)
     return module
 
 
@@ -151,7 +147,6 @@ def _compiled(function: Function, signature: Signature, context: Context) -> tup
         _number(signature.result),
         flags,
         {},
-        pipeline_class=front_end.ShortForKernels if is_kernel(signature) else front_end.Short,
     )
     return result.library, result.fndesc
 
@@ -168,7 +163,7 @@ def _options(function: Function) -> dict[str, object]:
 @cache
 def dispatcher(function: Function) -> Value:
     """A function as numba's own compiled functions call it."""
-    return njit(**_options(function), pipeline_class=front_end.Short)(_translated(function))
+    return njit(**_options(function))(_translated(function))
 
 
 def _translated(function: Function) -> FunctionType:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import logging
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from threading import RLock
 from typing import TYPE_CHECKING
 
+from obseq.cached import cached_property
 from obseq.compilation import objects
 from obseq.compilation.digests import DIGITS
 from obseq.errors import ObseqError
+from obseq.pools import let_go_at_fork
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 LOGGER = logging.getLogger(__name__)
 _LOCK = RLock()
+let_go_at_fork(_LOCK)
 _ROUTINES: dict[str, Routine] = {}
 
 

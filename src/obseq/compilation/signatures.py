@@ -32,9 +32,6 @@ ARRAYS = {
 SCALARS = {"int": "int64", "float": "float64", "bool": "bool"}
 RESULTS = {"int": "int64", "float": "float64", "None": None}
 
-WIDE = 4
-"""Number of the way in which functions for the widest vectors are compiled (see `quick_division`)."""
-
 
 @dataclass(frozen=True)
 class Parameter:
@@ -94,7 +91,7 @@ class Signature:
 
     def __str__(self) -> str:
         together = f"({', '.join(map(str, self.parameters))}) -> {self.result}"
-        return together + " at once" * self.at_once + f" wide {WIDE}" * self.wide
+        return together + " at once" * self.at_once + " wide" * self.wide
 
 
 KERNEL = Signature(

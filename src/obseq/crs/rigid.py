@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import field, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
+from obseq.cached import cached_property
 from obseq.crs.ground import WGS84, Ground, ground_at
 from obseq.crs.operations import geodetic_from_geocentric
 from obseq.crs.point_arrays import as_points, check_finite

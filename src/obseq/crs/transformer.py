@@ -1,13 +1,13 @@
 """Conversion of points from one coordinate system to another."""
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, require
 from obseq.arrays import FloatArray
+from obseq.cached import cached_property
 from obseq.crs.point_arrays import as_points
 from obseq.crs.system import CoordinateSystem
 from obseq.crs.unreferenced import UnreferencedSystem

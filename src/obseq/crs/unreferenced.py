@@ -1,13 +1,13 @@
 """Systems without a place on the Earth: Local, and an RTL whose origin is still to be chosen."""
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arrays import FloatArray
+from obseq.cached import cached_property
 from obseq.crs.system import CoordinateSystem, Kind
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError

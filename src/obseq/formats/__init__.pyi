@@ -19,4 +19,6 @@ from .obs.obs import read_obs as read_obs
 from .obs.obs import write_obs as write_obs
 from .opk.reader import read_opk as read_opk
 from .photomodeler.reader import read_photomodeler as read_photomodeler
+from .stochastic import StochasticModel as StochasticModel
+from .stochastic import read_stochastic as read_stochastic
 from .tables.network import network_from_tables as network_from_tables

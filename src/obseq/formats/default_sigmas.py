@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.reading.text import parse_number
-from obseq.shown_units import METRES
+from obseq.records.shown_units import METRES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -37,8 +37,13 @@ NAMES = {
     "zenith": ANGLES,
     "height": LENGTHS,
     "height-per-km": LENGTHS,
+    "instrument-centring": LENGTHS,
+    "target-centring": LENGTHS,
+    "vertical-centring": LENGTHS,
 }
 """What a standard deviation is of, and its units; heights per root of the kilometre of a line."""
+CENTRING = ("instrument-centring", "target-centring", "vertical-centring")
+"""Those that depend on the places of points (`stochastic`)."""
 EXAMPLES = {
     "distance": "distance=2mm",
     "distance-ppm": "distance-ppm=2ppm",
@@ -48,6 +53,9 @@ EXAMPLES = {
     "zenith": "zenith=5sec",
     "height": "height=1mm",
     "height-per-km": "height-per-km=1mm",
+    "instrument-centring": "instrument-centring=1mm",
+    "target-centring": "target-centring=1mm",
+    "vertical-centring": "vertical-centring=1mm",
 }
 _VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+(?:-[a-z]+)?)", re.ASCII)
 
@@ -68,20 +76,34 @@ def parse_sigmas(texts: Iterable[str]) -> dict[str, float]:
             raise InputError(
                 f"--sigmas {text}: {name!r} is none of {', '.join(NAMES)} (files go before --sigmas)"
             )
-        parts = _VALUE.fullmatch(value)
-        if parts is None or parts[2] not in NAMES[name]:
-            units = ", ".join(NAMES[name])
-            raise InputError(
-                f"--sigmas {text}: a number with its unit ({units}) is needed, such as {EXAMPLES[name]}"
-            )
-        try:
-            number = parse_number(parts[1]) * NAMES[name][parts[2]]
-        except ValueError as error:
-            raise InputError(f"--sigmas {text}: {error}") from error
-        if number <= 0.0:
-            raise InputError(f"--sigmas {text}: a standard deviation is above zero")
-        found[name] = number
+        found[name] = quantity(f"--sigmas {text}", name, value)
     return found
+
+
+def quantity(where: str, name: str, value: str) -> float:
+    """A standard deviation of a name, in metres, radians or parts.
+
+    Args:
+        where: What begins the message of an error.
+        name: One of `NAMES`.
+        value: A number with its unit.
+
+    Raises:
+        InputError: The name or the unit is not known, or the value is not above zero.
+    """
+    units = NAMES.get(name, {})
+    parts = _VALUE.fullmatch(value)
+    if parts is None or parts[2] not in units:
+        known = ", ".join(units) or "none"
+        example = EXAMPLES.get(name, EXAMPLES["distance"])
+        raise InputError(f"{where}: a number with its unit ({known}) is needed, such as {example}")
+    try:
+        number = parse_number(parts[1]) * units[parts[2]]
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from error
+    if number <= 0.0:
+        raise InputError(f"{where}: a standard deviation is above zero")
+    return number
 
 
 def lacking(name: str, given: Mapping[str, float]) -> str | None:

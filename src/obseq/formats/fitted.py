@@ -6,6 +6,7 @@ linear least-squares problem over a grid of the image.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,15 +37,18 @@ def fitted_camera(
     focal: float,
     projection: Callable[[FloatArray], FloatArray],
     degrees: Sequence[tuple[int, int, int]] = DEGREES,
+    kind: str = "Stenope",
 ) -> Camera:
-    """The pinhole camera that projects as another program says, of the first degree that reaches it.
+    """The camera that projects as another program says, of the first degree that reaches it.
 
     Args:
         name: of the camera.
         size: columns and lines.
         focal: about its focal length, pixels.
-        projection: pixels (n, 2) of dimensionless coordinates (n, 2): x/z and y/z, x right, y down.
+        projection: pixels (n, 2) of dimensionless coordinates (n, 2) before the distortion: of a pinhole x/z
+            and y/z, x right, y down.
         degrees: of the distortion, as they are tried.
+        kind: what takes directions to those coordinates (`Camera.projection`).
 
     Raises:
         InputError: no camera of these degrees comes within a hundredth of a pixel.
@@ -57,7 +61,9 @@ def fitted_camera(
         raise InputError(f"camera {name}: its parameters project hardly anything into its image")
     misfit = np.inf
     for degree in degrees:
-        camera, misfit = _closest(name, size, degree, plane[inside], pixels[inside])
+        camera, misfit = _closest(
+            Camera(name, *size, 1.0, degree=degree, projection=kind), plane[inside], pixels[inside]
+        )
         if misfit <= MISFIT:
             return camera
     raise InputError(
@@ -66,20 +72,17 @@ def fitted_camera(
     )
 
 
-def _closest(
-    name: str, size: tuple[int, int], degree: tuple[int, int, int], plane: FloatArray, pixels: FloatArray
-) -> tuple[Camera, float]:
+def _closest(plain: Camera, plane: FloatArray, pixels: FloatArray) -> tuple[Camera, float]:
     """The closest camera of a degree, and the largest distance (pixels) to what is wanted."""
-    columns = _columns(name, degree, plane)
+    columns = _columns(plain, plane)
     if not np.isfinite(columns).all():
-        raise InputError(f"camera {name}: its focal length is no focal length in pixels")
+        raise InputError(f"camera {plain.name}: its focal length is no focal length in pixels")
     found, *_ = np.linalg.lstsq(columns, pixels.ravel(), rcond=None)
     if not (np.isfinite(found).all() and found[0] > 0.0):
-        return Camera(name, *size, 1.0, degree=degree), np.inf
+        return plain, np.inf
     middle = np.array(found[1:3], dtype=np.float64)
-    camera = Camera(name, *size, float(found[0]), middle, degree, found[3:] / found[0])
-    local = np.column_stack([plane, np.ones(len(plane))])
-    return camera, float(np.abs(camera.project(local) - pixels).max())
+    camera = replace(plain, focal=float(found[0]), principal_point=middle, distortion=found[3:] / found[0])
+    return camera, float(np.abs(camera.focal * camera.distorted(plane) + middle - pixels).max())
 
 
 def _grid(size: tuple[int, int], focal: float) -> FloatArray:
@@ -88,13 +91,11 @@ def _grid(size: tuple[int, int], focal: float) -> FloatArray:
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def _columns(name: str, degree: tuple[int, int, int], plane: FloatArray) -> FloatArray:
+def _columns(plain: Camera, plane: FloatArray) -> FloatArray:
     """(2 n, 3 + k) derivatives of pixels: by F, the principal point, and F times each coefficient."""
-    plain = Camera(name, 0, 0, 1.0, np.zeros(2), degree)
     ones, zeros = np.ones(len(plane)), np.zeros(len(plane))
     columns = [plane, np.column_stack([ones, zeros]), np.column_stack([zeros, ones])]
-    for k in range(len(plain.coefficients)):
-        unit = np.zeros(len(plain.coefficients))
-        unit[k] = 1.0
-        columns.append(Camera(name, 0, 0, 1.0, np.zeros(2), degree, unit).distorted(plane) - plane)
+    columns += [
+        replace(plain, distortion=unit).distorted(plane) - plane for unit in np.eye(len(plain.coefficients))
+    ]
     return np.column_stack([column.ravel() for column in columns])

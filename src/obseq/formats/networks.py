@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from obseq import crs
 from obseq.formats.default_sigmas import parse_sigmas
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.obs.exchanged import told_if_exchanged
@@ -13,14 +17,19 @@ from obseq.formats.obs.free_points import read_points
 from obseq.formats.obs.obs import read_obs
 from obseq.formats.obs.point_lists import read_point_lists
 from obseq.formats.once import require_distinct
-from obseq.formats.project import Reading
+from obseq.formats.project import NOTHING, Reading
 from obseq.formats.registry import read_project
+from obseq.formats.stochastic import read_stochastic
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
+from obseq.survey.kinds.vectors import VECTOR
 from obseq.survey.model import merge_points
-from obseq.survey.network import GIVEN, Network
+from obseq.survey.network import Network
 from obseq.survey.point_file_options import PointFileOptions
+
+LEAST_TURN = 1e-4
+"""Metres at the end of a vector from which turned axes are told: rounding of the files is less."""
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -38,6 +47,7 @@ def read_network(
     encoding: str,
     ignore: Collection[str],
     refraction: float,
+    faces: str,
 ) -> Network:
     """The network of OBS files and point files; see `Network.read`."""
     points_crs, point_sigma, point_format, options = point_options
@@ -52,7 +62,7 @@ def read_network(
             if point_sigma is not None:
                 options = replace(options, sigma=point_sigma)
             points = _read_free_format(point_files, point_format, options)
-    return Network.assembled(points, book, frame, points_crs, refraction, watch)
+    return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
 
 
 def read_project_network(
@@ -65,23 +75,65 @@ def read_project_network(
     geoid: str | Path | None,
     ignore: Collection[str],
     sigmas: Collection[str],
+    stochastic: str | Path | None,
+    faces: str,
 ) -> Network:
     """The network that files of another program describe; see `Network.read_project`."""
     watch = Stopwatch()
     with watch.phase("read"):
         place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
-        project = read_project(paths, Reading(encoding, outside, place, left_out, parse_sigmas(sigmas)))
+        model = NOTHING if stochastic is None else read_stochastic(stochastic)
+        worth = {**model.default, **parse_sigmas(sigmas)}
+        project = read_project(paths, Reading(encoding, outside, place, left_out, worth, model.instruments))
     coefficient = project.refraction if refraction is None else refraction
     systems = project.systems(frame, points_crs)
     points = project.points_in(systems[1] or systems[0])
-    network = Network.assembled(points, project.book, *systems, coefficient, watch)
-    datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
+    network = Network.assembled(points, project.book, *systems, coefficient, watch, faces)
+    datum = network.datum if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
     network = replace(
         network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
     )
     if project.is_from_grid_north:
         network = replace(network, book=from_grid_north(network.fieldwork))
-    return network if place is None or project.has_geoid else network.with_deflections(place)
+    if project.centred:
+        chosen = np.zeros(len(network.book.observations), np.bool_)
+        chosen[list(project.centred)] = True
+        network = project.stochastic.centring(network, chosen)
+    elif stochastic is not None and project.stochastic is NOTHING:
+        network = model.weighing(network)
+    network = with_axes_told(network)
+    if place is None or project.has_geoid:
+        return network
+    if "deflections" in left_out:
+        return replace(network, book=network.book.warned(f"{place}: left out, as asked for (--ignore)"))
+    return network.with_deflections(place)
+
+
+def with_axes_told(network: Network) -> Network:
+    """The network, with a warning where its vectors are along other axes than its points.
+
+    Vectors of satellites are along the axes of WGS 84 (ITRF). Where PROJ turns the geodetic system of the
+    points against these, another program that takes both as one has other coordinates.
+    """
+    system, book = network.frame.system, network.book
+    rows = np.flatnonzero((book.observations.types == VECTOR.code) & book.observations.active)
+    if not rows.size or not isinstance(system, crs.RigidSystem) or system.ground.is_plain:
+        return network
+    rotation = system.ground.rotation
+    angle = float(np.linalg.norm(rotation - rotation.T)) / math.sqrt(8.0)
+    vectors = np.stack([book.observations.values[rows + k] for k in range(3)])
+    effect = float(np.linalg.norm((rotation - np.eye(3)) @ vectors, axis=0).max())
+    if effect < LEAST_TURN:
+        return network
+    description = network.points_crs.definition
+    operation = getattr(network.points_crs, "operation", None)
+    by = f" ({operation.description})" if operation is not None else ""
+    told = (
+        f"{len(rows)} GNSS vectors are along the axes of WGS 84 (ITRF), against which PROJ turns those of "
+        f"{description} by {angle * 648000.0 / math.pi:.3f} arc seconds{by}: by up to {effect * 1e3:.1f} mm "
+        "at their ends. Programs that take them along the axes of the points differ by so much"
+    )
+    return replace(network, book=book.warned(told))
 
 
 def _read_free_format(files: Files, point_format: str, options: PointFileOptions) -> Points:

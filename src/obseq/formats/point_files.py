@@ -1,25 +1,28 @@
-"""Adjusted points as files: COR files that a next adjustment reads, and tables."""
+"""Results as files: points that a next adjustment reads (COR files), tables of points and observations."""
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq import crs
+from obseq import crs, spreadsheets
 from obseq.errors import InputError
 from obseq.formats.obs.cor import cor_text
-from obseq.shown_units import METRES
+from obseq.records.shown_units import METRES
 from obseq.survey.model import make_points
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.record import AdjustmentRecord, PointRecord
+    from obseq.records.adjustment import AdjustmentRecord, PointRecord
     from obseq.survey.model import Points
 
+OBSERVATION_FIELDS = (
+    *("type", "origin", "target", "backsight", "value", "sigma", "unit", "active", "rejected"),
+    *("residual", "normalised_residual", "redundancy", "standardised_residual", "tau"),
+    *("detectable", "external", "blunder", "file", "line"),
+)
 HEADER = ("name", "x", "y", "z", "sx", "sy", "sz")
 
 
@@ -62,6 +65,23 @@ def csv_of(record: AdjustmentRecord) -> str:
     return csv_text(replace(points, coordinates=points.coordinates * factors), unit)
 
 
+def observations_csv(record: AdjustmentRecord) -> str:
+    """A table of the observations of a result, in metres and radians, and of how they fit.
+
+    It is no table to adjust again: a result does not say set-ups, heights of instruments or covariances.
+    """
+    rows = [[_cell(getattr(row, name)) for name in OBSERVATION_FIELDS] for row in record.observations]
+    header = [{"origin": "from", "target": "to"}.get(name, name) for name in OBSERVATION_FIELDS]
+    return spreadsheets.csv_text([header, *rows])
+
+
+def _cell(value: object) -> str:
+    """A cell: numbers at full precision, truths as 1 and 0, nothing where nothing is known."""
+    if value is None:
+        return ""
+    return str(int(value)) if isinstance(value, bool) else str(value)
+
+
 def csv_text(points: Points, unit: str = "m") -> str:
     """Points as a table with a header; a cell is empty where nothing is known or given.
 
@@ -69,11 +89,9 @@ def csv_text(points: Points, unit: str = "m") -> str:
         points: In metres; in the units of their system where no unit is named.
         unit: Of lengths, in which they are written; a column names it unless it is the metre.
     """
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     named = () if unit == "m" else (unit,)
-    writer.writerow((*HEADER, *("unit" for _ in named)))
+    rows: list[tuple[str, ...]] = [(*HEADER, *("unit" for _ in named))]
     for name, xyz, sigmas in zip(points.names, points.coordinates, points.sigmas, strict=True):
         numbers = (np.concatenate([xyz, sigmas]) / METRES[unit]).tolist()
-        writer.writerow([name, *("" if np.isnan(value) else repr(value) for value in numbers), *named])
-    return stream.getvalue()
+        rows.append((name, *("" if np.isnan(value) else repr(value) for value in numbers), *named))
+    return spreadsheets.csv_text(rows)

@@ -12,11 +12,15 @@ import numpy as np
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.formats.stochastic import StochasticModel
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.shown_units import ShownUnits
+    from obseq.records.shown_units import ShownUnits
     from obseq.survey.model import FieldBook, Points
+
+
+NOTHING = StochasticModel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,8 @@ class Project:
         is_from_grid_north: Whether azimuths are bearings on the map, where the points have one.
         units: (n,) metres in the unit of length in which the files give the coordinates of each point: they
             are in metres here. NaN for coordinates in the units of their system; None where all are.
+        stochastic: What observations of its instruments are worth.
+        centred: Rows of observations in whose standard deviations centring is still to be.
     """
 
     points: Points
@@ -53,6 +59,8 @@ class Project:
     shown: ShownUnits | None = None
     is_from_grid_north: bool = False
     units: FloatArray | None = None
+    stochastic: StochasticModel = NOTHING
+    centred: tuple[int, ...] = ()
 
     def points_in(self, definition: str | None) -> Points:
         """The points with coordinates in the units of their system.
@@ -103,6 +111,7 @@ class Reading:
         geoid: File of geoid heights and deflections, for heights above the geoid; None without.
         ignore: What is to be left out or passed over, by name (`obseq.formats.obs.after_sigma.IGNORABLE`).
         sigmas: Standard deviations of observations whose file has none, by name (`default_sigmas.NAMES`).
+        instruments: The same of named instruments.
     """
 
     encoding: str = "utf-8"
@@ -110,6 +119,7 @@ class Reading:
     geoid: Path | None = None
     ignore: frozenset[str] = frozenset()
     sigmas: Mapping[str, float] = field(default_factory=dict)
+    instruments: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 Reader = Callable[[tuple[Path, ...], Reading], Project]

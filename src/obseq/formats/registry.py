@@ -35,8 +35,15 @@ def _read_comp3d(paths: Sequence[Path], reading: Reading) -> Project:
     return read_comp3d(only_one(tuple(paths)), reading)
 
 
+def _read_starnet_project(paths: Sequence[Path], reading: Reading) -> Project:
+    """Reads a project file of STAR*NET; one of another form is refused with the data files that it names."""
+    from obseq.formats.starnet.project_file import is_project
+
+    return (_read_starnet if is_project(paths[0]) else _refuse_starnet_project)(tuple(paths), reading)
+
+
 def _refuse_starnet_project(paths: Sequence[Path], reading: Reading) -> Project:
-    """Says which data files to give in place of a project file of STAR*NET, whose form is not published."""
+    """Says which data files to give in place of a project file of STAR*NET in a form that is not known."""
     path = paths[0]
     text = read_bytes(path).decode("latin-1")
     named = [match.group(0).strip() for match in _DATA_FILE.finditer(text)]
@@ -50,14 +57,16 @@ def _refuse_starnet_project(paths: Sequence[Path], reading: Reading) -> Project:
 
 
 _read_dna, _read_gama = _reader("dynadjust.reader", "read_dna"), _reader("gama.reader", "read_gama")
+_read_starnet = _reader("starnet.reader", "read_starnet")
 
 READERS: dict[str, Reader] = {
     ".comp": _read_comp3d,
     ".gkf": _read_gama,
     ".snx": _reader("sinex.reader", "read_sinex"),
     ".csv": _reader("tables.reader", "read_tables"),
-    ".dat": _reader("starnet.reader", "read_starnet"),
-    ".prj": _refuse_starnet_project,
+    ".dat": _read_starnet,
+    ".snproj": _read_starnet,
+    ".prj": _read_starnet_project,
     ".stn": _read_dna,
     ".msr": _read_dna,
 }

@@ -48,7 +48,7 @@ class Block:
     What is added is checked at once: names, numbers, and that measures lie in their images. `notes` are what
     a reader of files found there and has no use for; they are in what is printed of a solution. `origin` is
     the file of another program that the block was read from, `control_origins` where its control points were:
-    messages name them.
+    messages name them. `datum_points` carry the datum of a free block, as its file has them.
     """
 
     cameras: dict[str, Camera] = field(default_factory=dict)
@@ -70,6 +70,7 @@ class Block:
     viscosity: tuple[float | None, float | None] = (None, None)
     notes: list[str] = field(default_factory=list)
     origin: Origin | None = None
+    datum_points: tuple[str, ...] = ()
     control_origins: list[tuple[tuple[str, ...], Origin]] = field(default_factory=list)
 
     # What is known

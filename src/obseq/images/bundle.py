@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
-from obseq.errors import SingularSystemError
+from obseq.errors import ObseqError, SingularSystemError
 from obseq.images.adjustment.adjustable import AdjustableBlock
-from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end
+from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end, taken_in_again
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
 from obseq.images.adjustment.placing import placed, waiting_images
@@ -14,7 +15,8 @@ from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
-from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights, in_words
+from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights
+from obseq.images.adjustment.weakness import in_words
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:
@@ -22,10 +24,13 @@ if TYPE_CHECKING:
 
     from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.quality import BlunderSearch
+    from obseq.images.adjustment.start import Start
     from obseq.leastsquares import Iteration
 
-MAX_ITERATIONS, MOST = 50, 200
+MAX_ITERATIONS, ROBUST_ITERATIONS, MOST = 50, 200, 400
 TOLERANCE, ROBUST_TOLERANCE = 1e-6, 1e-3
+WITH_ELIMINATION = ("levenberg-marquardt", "controlled", "gauss-newton")
+"""Strategies whose steps need not all unknowns in the matrix."""
 
 
 class BundleAdjustment(AdjustableBlock):
@@ -56,14 +61,15 @@ class BundleAdjustment(AdjustableBlock):
 
         Args:
             max_iterations: the iterations end at this number when they have not converged before: 50, or 200
-                with robust weights and where 50 have come within half a standard deviation of the end.
+                with robust weights; 400 where these have come within half a standard deviation of the end.
             tolerance: they end when no unknown moves any more by this share of its standard deviation: 1e-6,
                 or 1e-3 with robust weights, which come near their end slowly.
             datum: what fixes position, orientation and scale: "control" (control points, observed or held
                 poses), "centres" or "points" (a free block: the changes of all of them from the start are
                 least), names of points (of these), or "none" (nothing; no covariances).
             covariance: False when no precision will be asked for.
-            eliminate: True to take points out of the normal equations first; the solution is the same.
+            eliminate: True to take points out of the normal equations first, where the strategy lets them;
+                the solution is the same.
             strategy: see `obseq.LeastSquares.solve`.
             threads: how many share the work.
             progress: receives the record of each iteration.
@@ -74,15 +80,53 @@ class BundleAdjustment(AdjustableBlock):
             SingularSystemError: measures do not determine some unknowns, which are named; or thresholds
                 reject all of them.
         """
-        start, initial = with_surveys(self.surveys, start_of(self))
+        solve = partial(
+            self._solved,
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+            datum=datum,
+            covariance=covariance,
+            eliminate=eliminate,
+            strategy=strategy,
+            threads=threads,
+            progress=progress,
+            blunders=blunders,
+        )
+        solution = solve(start_of(self))
+        places = taken_in_again(solution)
+        if not places:
+            return solution
+        try:
+            again = solve(start_of(self, places))
+        except ObseqError:
+            return solution
+        return again if again.converged >= solution.converged else solution
+
+    def _solved(
+        self,
+        start: Start,
+        *,
+        max_iterations: int | None,
+        tolerance: float | None,
+        datum: str | Sequence[str],
+        covariance: bool,
+        eliminate: bool,
+        strategy: str,
+        threads: int,
+        progress: Callable[[Iteration], None] | None,
+        blunders: BlunderSearch | None,
+    ) -> BundleSolution:
+        """The solution from where a block starts; see `solve`."""
+        start, initial = with_surveys(self.surveys, start)
         check_datum(self, start, datum)
         check_scale(self, datum)
         keeps_points = datum == "points" or not isinstance(datum, str)
         system = LeastSquares(threads=threads)
-        equations = Equations(self, start, system, eliminate and not keeps_points)
+        eliminate = eliminate and not keeps_points and strategy in WITH_ELIMINATION
+        equations = Equations(self, start, system, eliminate)
         shared = zip(start.points, map(int, equations.points), strict=True)
         surveys = join_surveys(self.surveys, initial, system, shared)
-        limit = max_iterations or (MOST if self._is_robust else MAX_ITERATIONS)
+        limit = max_iterations or (ROBUST_ITERATIONS if self._is_robust else MAX_ITERATIONS)
         further = 0 if max_iterations else MOST - limit
         solving: Solving = {
             "max_iterations": limit,
@@ -108,7 +152,7 @@ class BundleAdjustment(AdjustableBlock):
                 done += result.iterations
             check_weights(equations)
         except SingularSystemError as error:
-            raise in_words(self, start, error) from None
+            raise in_words(equations, error) from None
         return check_cameras(
             BundleSolution(self, start, equations, result, done, tuple(surveys), found, dropped)
         )

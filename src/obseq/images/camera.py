@@ -17,12 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
-from functools import cache, cached_property
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import NUMBER, require
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, InputError
 from obseq.images.names import as_names

@@ -4,35 +4,33 @@ import functools
 import math
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from obseq.arguments import ARRAY, TEXT, expecting, require
 from obseq.arrays import FloatArray
+from obseq.cached import cached_property
 from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import FormulaError, InputError
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.loading import Kernel, load
-from obseq.pools import processors
-
-if TYPE_CHECKING:
-    from obseq.kernels.companion import Companion
+from obseq.pools import processors, thread_pool
 
 FLOAT = np.dtype(np.float64)
 
 SCRATCH_DOUBLES = 2 << 10
 """Size of the scratch tiles of an evaluation: 16 KiB, which leave room for rows in a first-level cache."""
 
-STREAMED_BYTES = 2 << 20
-"""Derivatives of so many bytes and more, of one thread, are written past caches, which cannot keep them."""
-
 QUICK_ROWS = 1024
 """Up to so many rows are evaluated without letting go of Python's lock, which costs more than it gives."""
 
-THREADED_ROWS = 8192
-"""So many rows and more are shared by two threads, where there are two processors."""
+STREAMED_BYTES = 2 << 20
+"""Derivatives of so many bytes and more are written past caches, which cannot keep them."""
+
+SHARE = 32_768
+"""Rows of a share of a thread: a millisecond of work, ten times what it costs to start one."""
 
 
 class _Run(NamedTuple):
@@ -204,20 +202,20 @@ class Calculator:
             )
         return np.ascontiguousarray(array, dtype=np.float64)
 
-    @functools.cached_property
+    @cached_property
     def _value(self) -> _Run:
         return _Run(self.kernel.value_address, self.kernel.value_rows, ())
 
-    @functools.cached_property
+    @cached_property
     def _value_and_jacobian(self) -> _Run:
         kernel = self.kernel
         return _Run(kernel.value_and_jacobian_address, kernel.rows, kernel.constant_rows)
 
-    @functools.cached_property
+    @cached_property
     def _few_values(self) -> Callable[..., object]:
         return self._few(self._value, "evaluate_values", np.empty((0, 0)))
 
-    @functools.cached_property
+    @cached_property
     def _few_jacobians(self) -> Callable[..., object]:
         return self._few(self._value_and_jacobian, "evaluate_jacobian")
 
@@ -240,16 +238,24 @@ class Calculator:
         """Writes residuals and what the kernel writes after them, a row for each row of arguments."""
         if not values.size:
             return
-        n = len(u)
-        helper = _companion() if n >= THREADED_ROWS and processors() > 1 else None
-        streams = derivatives.nbytes >= STREAMED_BYTES * (1 if helper is None else 2)
-        rows = np.empty((LANES if streams else 0, derivatives.shape[1]))
-        arrays, scratch = (u, o, values, derivatives), (_scratch(run), rows)
-        if helper is None:
-            _tiles().evaluate_rows(run.address, scratch[0], run.rows, *arrays, 0, n, rows)
-        else:
-            new_tiles = functools.partial(_new_scratch, run)
-            helper.evaluate(run.address, run.rows, arrays, scratch, new_tiles)
+        n, streams = len(u), derivatives.nbytes >= STREAMED_BYTES
+
+        def evaluate(tiles: FloatArray, first: int, last: int) -> None:
+            rows = np.empty((LANES if streams else 0, derivatives.shape[1]))
+            arrays = (u, o, values, derivatives)
+            _tiles().evaluate_rows(run.address, tiles, run.rows, *arrays, first, last, rows)
+
+        shares = min(n // SHARE, processors())
+        if shares < 2:
+            evaluate(_scratch(run), 0, n)
+            return
+        filled = _scratch(run).size // (run.rows * STRIDE) * LANES
+        share = math.ceil(n / shares / filled) * filled
+        with thread_pool(shares) as pool:
+            starts = range(0, n, share)
+            parts = [pool.submit(evaluate, _new_scratch(run), at, min(n, at + share)) for at in starts]
+        for part in parts:
+            part.result()
 
     def _result(self, out: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
         """The array that results are written to: a new one, or the one given if it is as it must be."""
@@ -290,13 +296,6 @@ def _tiles() -> Any:
     import obseq.kernels.tiles as tiles
 
     return tiles
-
-
-def _companion() -> "Companion | None":
-    """The thread that shares rows, with its module, imported when it is first needed."""
-    from obseq.kernels.companion import companion
-
-    return companion()
 
 
 @expecting(name=TEXT)

@@ -3,11 +3,13 @@
 import math
 import zlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
+from obseq.kernels import provenance
 from obseq.kernels.calculator import Calculator, calculator
 from obseq.kernels.layout import Block
 from obseq.kernels.loading import Kernel, formula_names
@@ -46,7 +48,8 @@ class DerivativeCheck:
             infinite when the formula is not finite and smooth at enough of the random inputs.
         residual: Residual of the worst entry.
         unknown: Unknown of the worst entry.
-        passed: True when the error is at most `THRESHOLD`.
+        passed: True when the error is at most `THRESHOLD`, and the kernel as old as its formula.
+        stale: Why it is not; empty when it is.
     """
 
     name: str
@@ -54,6 +57,7 @@ class DerivativeCheck:
     residual: str
     unknown: str
     passed: bool
+    stale: str = ""
 
 
 def check(
@@ -81,7 +85,8 @@ def check(
     for name in formula_names() if names is None else names:
         if progress:
             progress(f"checking the derivatives of {name}")
-        checks.append(check_one(calculator(name), samples, seed))
+        found, stale = check_one(calculator(name), samples, seed), provenance.staleness(name)
+        checks.append(replace(found, stale=stale, passed=found.passed and not stale))
     return checks
 
 

@@ -6,12 +6,13 @@ import functools
 import importlib
 from typing import TYPE_CHECKING
 
+from obseq.cached import cached_property
 from obseq.compilation.digests import CONTRACT, Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, nearest
-from obseq.kernels import ondemand
+from obseq.kernels import ondemand, provenance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,7 +68,7 @@ class Kernel:
         """Row of the first residual in a tile."""
         return len(self.unknowns) + len(self.observations)
 
-    @functools.cached_property
+    @cached_property
     def constant_rows(self) -> tuple[tuple[int, float], ...]:
         """(row of a tile, value) of the constant entries of the Jacobian."""
         first = self.first_result + len(self.residuals)
@@ -107,12 +108,14 @@ def formula_names() -> tuple[str, ...]:
 def load(name: str) -> Kernel:
     """The formula of that name; nothing is compiled yet.
 
-    A member of a family that is not among the generated modules is built on demand (see `ondemand`).
+    A member of a family that is not among the generated modules is built on demand (see `ondemand`). In a
+    checkout, a kernel that is older than its formula is told, once.
 
     Raises:
         FormulaError: No formula has that name; the message gives close ones.
     """
     if name in _modules():
+        provenance.tell(name)
         return describe(importlib.import_module(f"obseq.generated.{_modules()[name]}"))
     module = ondemand.find(name)
     if module is None:

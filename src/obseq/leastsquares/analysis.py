@@ -6,11 +6,12 @@ and puts it back at its end, so that what an interruption leaves half done is ne
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.evaluation import used_blocks
 from obseq.leastsquares.assembly.normal_equations import NormalEquations

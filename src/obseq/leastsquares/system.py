@@ -7,7 +7,7 @@ from functools import wraps
 from operator import attrgetter
 from typing import TYPE_CHECKING, Concatenate, Literal, ParamSpec, TypeVar
 
-from obseq.errors import InputError, ObseqError, nearest
+from obseq.errors import DivergenceError, InputError, ObseqError, SingularSystemError, nearest
 from obseq.leastsquares.analysis import Analyses
 from obseq.leastsquares.assembly.evaluation import raw_residuals
 from obseq.leastsquares.iterations.arrival import Options
@@ -220,7 +220,8 @@ class LeastSquares:
                 "levenberg-marquardt", "dogleg", "qr", "lsmr", "l1", or an object with parameters).
 
         Raises:
-            SingularSystemError: some unknowns are undetermined; they are named.
+            SingularSystemError: some unknowns are undetermined where the iterations start; they are named.
+                Those that are so only where the iterations end are named by the result (`weak`).
             DivergenceError: an equation became undefined, and the observation is named; or the iterations
                 left where the equations determine the unknowns. These are back at the best values.
             InputError: a callback has changed what a solution takes for granted; it is named.
@@ -248,8 +249,8 @@ class LeastSquares:
                 analysis = analyses.reduced()
                 redundancy = analysis.redundancy
                 done = analysis.iterate(chosen, options, redundancy, before, progress or _silent)
-                cofactors = analyses.whole().cofactors() if wanted else None
-                return self._result(analysis, options, redundancy + done.defect, done, cofactors)
+                cofactors, weak = _found(analyses, done) if wanted and not done.weak else (None, done.weak)
+                return self._result(analysis, options, redundancy + done.defect, done, cofactors, weak)
 
     @contextmanager
     def _taken_out(self) -> Iterator[Analyses]:
@@ -302,17 +303,20 @@ class LeastSquares:
         redundancy: int,
         done: Progress,
         cofactors: Cofactors | None,
+        weak: ObseqError | None,
     ) -> LeastSquaresResult:
         equations = analysis.equations
         misfits = {batch: frozen(equations.raw_residuals(batch)) for batch in equations.batches}
         equations.reweight(misfits)
         squares = equations.sums_of_squares(misfits)
+        rejected = sum(batch.n_rejected for batch in equations.batches if not batch.is_constraint)
+        redundancy -= rejected
         overall, held = sigma0_of(squares, None, redundancy), analysis.substitution
         return LeastSquaresResult(
             tuple(done.iterations),
             done.reason.is_arrival,
             done.reason,
-            self.n_observations,
+            self.n_observations - rejected,
             self.n_constraints,
             analysis.n_unknowns,
             redundancy,
@@ -328,7 +332,18 @@ class LeastSquares:
             cofactors,
             held.redundant if held else (),
             done.evaluations,
+            weak,
         )
+
+
+def _found(analyses: Analyses, done: Progress) -> tuple[Cofactors | None, ObseqError | None]:
+    """The cofactors at a solution, or why there are none: what iterations have found is not lost for it."""
+    try:
+        return analyses.whole().cofactors(), None
+    except (SingularSystemError, DivergenceError) as error:
+        if not done.iterations:
+            raise
+        return None, error
 
 
 def _is_wanted(covariance: ArrayLike | bool | None, table: UnknownTable) -> bool:

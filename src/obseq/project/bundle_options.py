@@ -33,7 +33,7 @@ KNOWN = (
     "TopoDirIn", "TopoDirOut", "TPDir", "TiePWeight", "DataDir", "GCPFilter", "GCPFilterAdd",
     *NAMES,
 )  # fmt: skip
-TOPO = ("NbIter", "GCP3D", "GCPFilter", "GCPFilterAdd")
+TOPO = ("NbIter", "GCP3D", "GCPDir", "GCPW", "GCPDirOut", "GCPFilter", "GCPFilterAdd")
 """Those of `TopoAdj`."""
 
 
@@ -113,7 +113,7 @@ def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleO
         raise InputError("BRDirIn, BRW_Rat and OutRigBlock have no effect without BRW=[SigTr,SigRot]")
     if {"TopoDirOut"} & set(given) and "TopoDirIn" not in given:
         raise InputError("TopoDirOut has no effect without TopoDirIn")
-    points, measures = _point_sets(given)
+    points, measures = _point_sets(given, has_images=known is KNOWN)
     return BundleOptions(
         iterations=whole_number(given, "NbIter"),
         points=points,
@@ -141,7 +141,7 @@ def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleO
     )
 
 
-def _point_sets(given: dict[str, Value]) -> tuple[tuple[Set3D, ...], tuple[Set2D, ...]]:
+def _point_sets(given: dict[str, Value], *, has_images: bool) -> tuple[tuple[Set3D, ...], tuple[Set2D, ...]]:
     """3D and 2D sets of either spelling."""
     old = {"GCPDir", "GCPW", "AddGCPW", "GCPDirOut"} & set(given)
     if old and {"GCP3D", "GCP2D"} & set(given):
@@ -152,14 +152,18 @@ def _point_sets(given: dict[str, Value]) -> tuple[tuple[Set3D, ...], tuple[Set2D
             for row in rows_of(given, "GCP3D", 2, 3)
         )
         return points, tuple(_set2d(row, "GCP2D") for row in rows_of(given, "GCP2D", 2, 5))
-    folder, weights = text_of(given, "GCPDir"), given.get("GCPW")
-    if folder is None or not isinstance(weights, list):
+    folder, weights = text_of(given, "GCPDir"), given.get("GCPW", [] if has_images else ["1"])
+    if isinstance(weights, str) and not has_images:
+        weights = [weights]
+    if folder is None or not isinstance(weights, list) or len(weights) < 1 + has_images:
         raise InputError("GCPDir=Folder and GCPW=[SG,SI,...] go together")
     rows: list[list[Value]] = [[folder, *weights], *rows_of(given, "AddGCPW", 3, 6)]
     outs = [text_of(given, "GCPDirOut"), *([None] * (len(rows) - 1))]
     points = tuple(
         Set3D(word_at(row, 0), number_at(row, 1, "GCPW"), out) for row, out in zip(rows, outs, strict=True)
     )
+    if not has_images:
+        return points, ()
     return points, tuple(_set2d([row[0], *row[2:]], "GCPW") for row in rows)
 
 

@@ -26,15 +26,19 @@ class ProjectTree:
     root: Path
 
     @classmethod
-    def at(cls, root: str | Path) -> ProjectTree:
+    def at(cls, root: str | Path, *, is_new: bool = False) -> ProjectTree:
         """The project of a folder, or of its ``MMVII-PhgrProj``.
 
+        Args:
+            root: the folder.
+            is_new: whether the tree may be missing: it is made when something is written.
+
         Raises:
-            InputError: if there is no such tree.
+            InputError: if there is no such tree, or no such folder.
         """
         place = Path(root)
         place = place.parent if place.name == TREE else place
-        if not (place / TREE).is_dir():
+        if not (place / TREE).is_dir() and not (is_new and place.is_dir()):
             raise InputError(f"{root}: holds no project ({TREE})")
         return cls(place)
 
@@ -82,17 +86,19 @@ class ProjectTree:
                 return read_definition(path)
         return word
 
-    def images(self, selection: str, measures: Path) -> list[str]:
+    def images(self, selection: str, measures: Path | None = None) -> list[str]:
         """Names of the images that have measures and are in a list, or match a pattern as a whole.
+
+        Args:
+            selection: the list, or the pattern.
+            measures: folder of the measures; any where it is None, and images in the folder of the project.
 
         Raises:
             InputError: if there is none, or a listed one has no measures.
         """
-        measured = sorted(
-            path.name[len(MEASURES_PREFIX) : -len(path.suffix)]
-            for path in measures.glob(f"{MEASURES_PREFIX}*")
-            if path.suffix in ENDINGS
-        )
+        if measures is None:
+            return self._images_anywhere(selection)
+        measured = _measured(measures)
         names = self.listed(selection)
         if names:
             missing = [name for name in names if name not in measured]
@@ -102,6 +108,17 @@ class ProjectTree:
         found = chosen(measured, selection)
         if not found:
             raise InputError(f"{selection!r}: no image with measures in {measures} has such a name")
+        return found
+
+    def _images_anywhere(self, selection: str) -> list[str]:
+        """The images of a list, or all that match: files of the project's folder, and those with measures."""
+        if names := self.listed(selection):
+            return names
+        files = [path.name for path in self.root.iterdir() if path.is_file()]
+        folders = [path for kind in (MEASURES, OLD) for path in (self.root / TREE / kind).glob("*")]
+        found = chosen(sorted({*files, *(name for place in folders for name in _measured(place))}), selection)
+        if not found:
+            raise InputError(f"{selection!r}: no image in {self.root}, or with measures, has such a name")
         return found
 
     def listed(self, selection: str) -> list[str]:
@@ -118,3 +135,12 @@ class ProjectTree:
         )
         known = ", ".join(present) or "none"
         raise InputError(f"{self.folder(kinds[0], name)}: there is no such folder; there are {known}")
+
+
+def _measured(folder: Path) -> list[str]:
+    """Names of the images that have measures in a folder."""
+    return sorted(
+        path.name[len(MEASURES_PREFIX) : -len(path.suffix)]
+        for path in folder.glob(f"{MEASURES_PREFIX}*")
+        if path.suffix in ENDINGS
+    )

@@ -11,6 +11,7 @@ from obseq.errors import InputError
 from obseq.geometry import RigidMotion
 from obseq.images import Camera
 from obseq.project.xml_elements import root_of
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -18,11 +19,18 @@ if TYPE_CHECKING:
 CONVENTIONS = ("eConvApero_DistM2C",)
 PROJECTIONS = ("eProjStenope",)
 ORTHONORMAL = 1e-6
-_COEFFICIENTS = ("K1", "K2", "K3")
+_COEFFICIENTS = ("K1", "K2", "K3", "K4", "K5")
+USUAL = (3, 1, 1)
+"""Degree of a camera, and its radial terms where it has no more."""
 
 
 def read_v1_orientation(path: str | Path) -> tuple[RigidMotion, Camera]:
-    """The pose (camera to world) and the camera of an image.
+    """The pose (camera to world) and the camera of an image; see `read_v1_image`."""
+    return read_v1_image(path)[:2]
+
+
+def read_v1_image(path: str | Path) -> tuple[RigidMotion, Camera, tuple[str, ...]]:
+    """The pose (camera to world) of an image, its camera, and the parameters that the camera has in v1.
 
     The distortion models `ModPhgrStd`, `ModRad` and `ModNoDist` are read, with their centre at the principal
     point; coefficients in pixels become those of obseq by powers of the focal length.
@@ -43,7 +51,7 @@ def read_v1_orientation(path: str | Path) -> tuple[RigidMotion, Camera]:
     centre = np.array(_numbers(_one(outer, "Centre", place), 3, place))
     named = root.findtext(".//FileInterne")
     inner = _parsed(_calibration(place, named)) if named else root
-    return RigidMotion(centre, rotation), _camera(
+    return RigidMotion(centre, rotation), *_camera(
         inner, place if named is None else _calibration(place, named)
     )
 
@@ -59,7 +67,7 @@ def _calibration(place: Path, named: str) -> Path:
     raise InputError(f"{place}: its calibration {named.strip()} is not there")
 
 
-def _camera(root: Element, place: Path) -> Camera:
+def _camera(root: Element, place: Path) -> tuple[Camera, tuple[str, ...]]:
     projection = root.findtext(".//TypeProj", "eProjStenope")
     if projection not in PROJECTIONS:
         raise InputError(f"{place}: projection {projection}: only {', '.join(PROJECTIONS)} is read")
@@ -69,7 +77,10 @@ def _camera(root: Element, place: Path) -> Camera:
     width, height = (int(value) for value in _numbers(_one(interior, "SzIm", place), 2, place))
     model = interior.find("CalibDistortion")
     coefficients = {} if model is None else _distortion(model, focal, principal, place)
-    return Camera(place.stem, width, height, focal, principal, (3, 1, 1), coefficients)
+    given = {name: value for name, value in coefficients.items() if value}
+    degree = (5, *USUAL[1:]) if given.keys() & set(_COEFFICIENTS[USUAL[0] :]) else USUAL
+    camera = Camera(place.stem, width, height, focal, principal, degree, given)
+    return camera, ("F", "PPx", "PPy", *coefficients)
 
 
 def _holder(root: Element, place: Path) -> Element:
@@ -97,7 +108,7 @@ def _distortion(
         )
     values = [_numbers(node, 1, place)[0] for node in radial.findall("CoeffDist")]
     if any(values[len(_COEFFICIENTS) :]):
-        raise InputError(f"{place}: more than three radial coefficients are not read")
+        raise InputError(f"{place}: more than {len(_COEFFICIENTS)} radial coefficients are not read")
     found = {
         name: value * focal ** (2 * (k + 1))
         for k, (name, value) in enumerate(zip(_COEFFICIENTS, values, strict=False))
@@ -111,11 +122,7 @@ def _distortion(
 
 
 def _parsed(path: Path) -> Element:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    return root_of(path, data)
+    return root_of(path, read_bytes(path))
 
 
 def _one(node: Element, name: str, place: Path) -> Element:

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
-from obseq.project.micmac_v1 import read_v1_orientation
+from obseq.formats.blocks.reading import hold_all_but, new_block
+from obseq.images import ControlPoints, ImagePoints, Poses
+from obseq.project.micmac_v1 import read_v1_image
 from obseq.reading.elements import Element, child, content, problem, read_xml
 from obseq.reading.origin import Origin
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.images import Camera
+    from obseq.images import BundleAdjustment, Camera
 
 PREFIX = "Orientation-"
 MEASURES, POINTS = "SetOfMesureAppuisFlottants", "DicoAppuisFlottant"
@@ -39,16 +40,16 @@ def read_v1_block(
     Raises:
         InputError: a file is missing, or holds what is not read; measures of an image without orientation.
     """
-    block = BundleAdjustment()
-    poses = _add_poses(block, Path(orientation))
-    if points is not None:
-        block.add_control_points(read_v1_points(points), Origin(str(points)))
-    if measures is not None:
-        found = read_v1_measures(measures, image_sigma)
-        lost = [name for name in found.image_names if name not in poses]
-        if lost:
-            raise InputError(f"{measures}: the image {lost[0]} has no orientation in {orientation}")
-        block.add_measures(found, name=Path(measures).name, origin=Origin(str(measures)))
+    with new_block(orientation) as block:
+        poses = _add_poses(block, Path(orientation))
+        if points is not None:
+            block.add_control_points(read_v1_points(points), Origin(str(points)))
+        if measures is not None:
+            found = read_v1_measures(measures, image_sigma)
+            lost = [name for name in found.image_names if name not in poses]
+            if lost:
+                raise InputError(f"{measures}: the image {lost[0]} has no orientation in {orientation}")
+            block.add_measures(found, name=Path(measures).name, origin=Origin(str(measures)))
     return block
 
 
@@ -57,14 +58,17 @@ def _add_poses(block: BundleAdjustment, folder: Path) -> Poses:
     if not files:
         raise InputError(f"{folder}: holds no orientation ({PREFIX}<image>.xml)")
     cameras: dict[str, Camera] = {}
+    terms: dict[str, tuple[str, ...]] = {}
     centres, rotations, owners = [], [], []
     for path in files:
-        pose, camera = read_v1_orientation(path)
+        pose, camera, own = read_v1_image(path)
         cameras.setdefault(camera.name, camera)
+        terms.setdefault(camera.name, own)
         centres.append(pose.centre)
         rotations.append(pose.rotation)
         owners.append(camera.name)
     block.add_cameras(*cameras.values())
+    hold_all_but(block, terms)
     names = [path.name[len(PREFIX) : -len(path.suffix)] for path in files]
     poses = Poses.of(names, centres, rotations, cameras=owners)
     block.add_poses(poses)

@@ -13,6 +13,7 @@ from obseq.crs import Transformer, parse
 from obseq.errors import InputError
 from obseq.images import ControlPoints, intersect
 from obseq.images.names import index_of
+from obseq.spreadsheets import cell_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,8 +46,8 @@ def gcp_reports(
     projected = project(known, ground, poses, cameras)
     off = known.xy - projected
     norms = np.sqrt((off**2).sum(axis=1))
-    images = [known.image_names[k] for k in known.image]
-    points = [known.point_names[k] for k in known.point]
+    images = [cell_of(known.image_names[k]) for k in known.image]
+    points = [cell_of(known.point_names[k]) for k in known.point]
     rows = zip(images, points, norms, off, strict=True)
     detail = [f"{image},{point},{norm:.6f},{dx:.6f},{dy:.6f}" for image, point, norm, (dx, dy) in rows]
     by_image = [
@@ -109,7 +110,7 @@ def _in_space(
     lines = []
     for name, given, place, rays in zip(found.names, ground, found.coordinates, found.n_rays, strict=True):
         numbers = ",".join(f"{value:.6f}" for value in given - place) if rays >= 2 else "xxx,yyy,zzz"
-        lines.append(f"{name},{numbers}")
+        lines.append(f"{cell_of(name)},{numbers}")
     return lines
 
 
@@ -125,7 +126,9 @@ def _groups(
 ) -> list[tuple[str, np.ndarray[tuple[int], np.dtype[np.int64]]]]:
     """A line of statistics for each name, and the rows it is of."""
     parts = [np.flatnonzero(owner == k) for k in range(len(names))]
-    return [(f"{name},{statistics(norms[part])}", part) for name, part in zip(names, parts, strict=True)]
+    return [
+        (f"{cell_of(name)},{statistics(norms[part])}", part) for name, part in zip(names, parts, strict=True)
+    ]
 
 
 def statistics(norms: FloatArray) -> str:

@@ -22,6 +22,7 @@ from obseq.survey import automatic_fix
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from obseq.arrays import FloatArray
     from obseq.images import BundleSolution
     from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.project.bundle_options import BundleOptions
@@ -120,14 +121,24 @@ def _adjusted_topo(part: JoinedSurvey, solution: BundleSolution) -> AdjustedTopo
     return AdjustedTopo(book, part.residuals(solution.result), automatic_fix(book), g0)
 
 
+def _unknown(n: int) -> FloatArray:
+    """(n, 3, 3) covariances of points of which nothing is known."""
+    return np.tile(np.diag([np.inf] * 3), (n, 1, 1))
+
+
 def adjusted_points(solution: BundleSolution) -> ControlPoints:
-    """All points of a block, those of its survey networks too, with their covariances."""
+    """All points of a block, those of its survey networks too, with their covariances.
+
+    These are infinite where the solution is without: nothing is said then of how well the points are known.
+    """
     names, places = list(solution.points), [solution.coordinates]
-    covariances = [solution.point_covariances]
+    has_any = solution.result.has_covariances
+    covariances = [solution.point_covariances if has_any else _unknown(len(names))]
     for part in solution.surveys:
         new = [row for row, name in enumerate(part.network.points.names) if name not in set(names)]
         names += [part.network.points.names[row] for row in new]
         places.append(part.coordinates(solution.result)[new])
-        found = solution.result.covariance(part.equations.points[new], not solution.is_a_posteriori)
-        covariances.append(found)
+        ids = part.equations.points[new]
+        found = solution.result.covariance(ids, not solution.is_a_posteriori) if has_any else None
+        covariances.append(_unknown(len(new)) if found is None else found)
     return ControlPoints(tuple(names), np.concatenate(places), np.concatenate(covariances))

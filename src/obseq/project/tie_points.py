@@ -10,6 +10,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.images import ImagePoints
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -35,10 +36,7 @@ def read_pairs(path: str | Path) -> FloatArray:
     place = Path(path)
     if place.suffix == BINARY:
         _refuse_binary(place)
-    try:
-        data = place.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    data = read_bytes(place)
     if b"\0" in data:
         return _binary(place, data)
     return _text(place, data)
@@ -75,7 +73,7 @@ def read_tracks(folder: str | Path) -> ImagePoints:
     images, names, pixels = [], [], []
     for path in files:
         image = path.name[len(TRACKS) : -len(TRACKS_ENDING)]
-        lines = _lines(path, path.read_bytes())
+        lines = _lines(path, read_bytes(path))
         if not lines or lines[0].replace(" ", "") != TRACK_HEADER:
             raise InputError(f"{path}:1: the first line should be {TRACK_HEADER}")
         rows = _numbers(path, lines[1:], 2, (3, 3))

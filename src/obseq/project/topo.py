@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.project.tree import Tree
     from obseq.survey.kinds.kind import ObservationKind
 
@@ -32,6 +32,7 @@ DATA = "TopoData"
 OUTPUT = "TopoOut"
 OBS = ".obs"
 SERIALISED = (".xml", ".json")
+AZIMUTH, DIRECTION = "Azim", "Hz"
 NAMES = ("Dist", "Hz", "Zen", "DX", "DY", "DZ", "DH")
 """The kinds of observations that a serialised file can hold."""
 KEYWORDS = {status.keyword: status for status in (Orientation.FIX, Orientation.VERT, Orientation.BASC)}
@@ -84,21 +85,26 @@ class AdjustedTopo:
 def topo_text(found: AdjustedTopo, *, as_json: bool = False) -> str:
     """The observations of an adjustment as `TopoData`, with residuals and the zero of each station.
 
-    Residuals are those of the final solution (the original writes those of the last iteration's start).
-
-    Raises:
-        InputError: an observation has no place in such a file: a kind that MMVII has not, heights of
-            instrument or target, a sigma that depends on the distance.
+    Residuals are those of the final solution (the original writes those of the last iteration's start). An
+    azimuth is written as what it is: a direction of a station whose circle is fixed. What has no place in
+    such a file is left out (`without_place`).
     """
     book = found.book
-    _require_plain(book)
+    rows = book.observations
+    has_place = ~np.isin(np.arange(len(rows)), without_place(book))
+    azimuths = rows.types == BY_NAME[AZIMUTH].code
     stations: list[Tree] = []
     for station in range(len(book.stations)):
-        data = _set("Station", book.stations.observations(station).tolist(), found)
+        mine = book.stations.observations(station)
+        data = _set("Station", mine[(has_place & ~azimuths)[mine]].tolist(), found)
         data["StationOriStatus"] = Orientation(int(found.orientations[station])).keyword
         data["__Opt__Out_G0"] = (float(found.g0[station]),)
         stations.append({"TopoObsSetData": data})
-    simple = np.flatnonzero(book.observations.stations < 0)
+    for row in np.flatnonzero(azimuths & has_place & rows.active).tolist():
+        data = _set("Station", [row], found)
+        data["StationOriStatus"], data["__Opt__Out_G0"] = Orientation.FIX.keyword, (0.0,)
+        stations.append({"TopoObsSetData": data})
+    simple = np.flatnonzero((rows.stations < 0) & ~azimuths & has_place)
     content: Tree = {
         "AllObsSetStations": stations,
         "ObsSetSimple": {"TopoObsSetData": _set("Simple", simple.tolist(), found)},
@@ -115,8 +121,9 @@ def _set(kind: str, rows: Sequence[int], found: AdjustedTopo) -> dict[str, Tree]
 def _observation(row: int, found: AdjustedTopo) -> dict[str, Tree]:
     book, observations = found.book, found.book.observations
     ends = (observations.from_points[row], observations.to_points[row])
+    kind = BY_CODE[int(observations.types[row])].name
     entry: dict[str, Tree] = {
-        "Type": BY_CODE[int(observations.types[row])].name,
+        "Type": DIRECTION if kind == AZIMUTH else kind,
         "Pts": [book.point_names[end] for end in ends],
         "Measures": _list(observations.values[row]),
         "Sigmas": _list(observations.sigmas[row]),
@@ -130,16 +137,26 @@ def _list(value: float) -> Tree:
     return [(float(value),)]
 
 
-def _require_plain(book: FieldBook) -> None:
+def without_place(book: FieldBook) -> IntArray:
+    """Rows of the observations that `TopoData` cannot hold.
+
+    These are kinds that MMVII has not, heights of instrument or target, sigmas that depend on the distance.
+    """
     rows = book.observations
-    known = np.isin(rows.types, [BY_NAME[name].code for name in NAMES])
+    known = np.isin(rows.types, [BY_NAME[name].code for name in (*NAMES, AZIMUTH)])
     lengths = np.stack([rows.relative_sigmas, rows.from_heights, rows.to_heights])
-    wrong = np.flatnonzero(rows.active & (~known | (lengths != 0.0).any(axis=0)))
-    if wrong.size:
-        raise InputError(
-            f"{book.label(int(wrong[0]))}: has no place in {DATA}, which holds {', '.join(NAMES)} between "
-            f"points, with one sigma ({wrong.size} observations have none); keep the OBS files"
-        )
+    return np.flatnonzero(rows.active & (~known | (lengths != 0.0).any(axis=0)))
+
+
+def said_of_those_without_place(book: FieldBook) -> str:
+    """A sentence on what the written file lacks; empty where it lacks nothing."""
+    lost = without_place(book)
+    if not lost.size:
+        return ""
+    return (
+        f"{lost.size} observations have no place in {OUTPUT}, which holds {', '.join(NAMES)} between points, "
+        f"with one sigma: {book.label(int(lost[0]))} is the first; keep the OBS files"
+    )
 
 
 def _serialised(path: Path) -> FieldBook:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 from obseq.errors import InputError
 from obseq.project.xml_elements import root_of
+from obseq.reading.json_text import parsed_json
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -204,14 +206,7 @@ def bare(key: str) -> str:
 
 
 def _bytes(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"{path}: is larger than {LARGEST >> 20} MiB; this is not a file of a project")
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    data = read_bytes(path, LARGEST)
     if not data.strip():
         raise InputError(f"{path}: the file is empty")
     return data
@@ -277,14 +272,10 @@ def _number(word: str, node: Element, where: str) -> Number:
 
 def _from_json(path: Path, data: bytes) -> Tree:
     try:
-        whole = json.loads(data.decode("utf-8"), parse_constant=_no_constant)
+        whole = parsed_json(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: the JSON is broken: {error}") from None
     return _plain(whole, str(path), 0)
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a finite number")
 
 
 def _plain(value: Any, where: str, depth: int) -> Tree:

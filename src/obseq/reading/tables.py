@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from contextlib import contextmanager
@@ -15,6 +14,8 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.reading.origin import Origin
+from obseq.reading.text import read_bytes
+from obseq.spreadsheets import csv_text, text_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 SEPARATORS = ";\t,"
-LARGEST = 1 << 31
-"""Bytes above which a file is refused."""
 
 
 def text_of(path: str | Path) -> str:
@@ -33,14 +32,12 @@ def text_of(path: str | Path) -> str:
     Raises:
         InputError: the file cannot be read, is too large, or is not text; it is named.
     """
+    data = read_bytes(Path(path))
     try:
-        if Path(path).stat().st_size > LARGEST:
-            raise InputError(f"{path}: the file is larger than {LARGEST >> 20} MiB")
-        return Path(path).read_text(encoding="utf-8-sig")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text in UTF-8 (byte {error.start}); convert it") from None
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def number_in(text: str, said: str) -> float:
@@ -185,14 +182,10 @@ def _fields(line: str, usual: str) -> tuple[str, ...]:
     if not separator:
         return tuple(line.split())
     row = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    return tuple(field.strip() for field in row)
+    return tuple(text_in(field.strip()) for field in row)
 
 
 def table_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table as text: commas, names in quotes where they need them, numbers at full precision."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        writer.writerow([f"{value:.17g}" if isinstance(value, float) else value for value in row])
-    return buffer.getvalue()
+    lines = ([f"{value:.17g}" if isinstance(value, float) else value for value in row] for row in rows)
+    return csv_text([columns, *lines])

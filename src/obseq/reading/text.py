@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import stat
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +13,7 @@ from obseq.errors import InputError
 from obseq.printable import composed, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 _MARKS_OF_UTF16 = b"\xff\xfe", b"\xfe\xff"
 _LONGEST_QUOTE = 160
@@ -19,6 +21,14 @@ LEAST_SIGMA = 1e-12
 """Sigmas below it (m, gon) would make weights infinite."""
 LONGEST_NAME = 200
 """Names beyond it are a mistake of the file: nothing could be printed of them."""
+LARGEST_FILE = 1 << 31
+"""Bytes above which a file is refused."""
+_NO_FILES = (
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+)
 LARGEST_LENGTH = 1e9
 """Lengths and coordinates beyond this (m) are mistakes: no survey reaches a million kilometres."""
 
@@ -99,14 +109,46 @@ def encoding_of(data: bytes, encoding: str = "utf-8") -> str:
     return "utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path, largest: int = LARGEST_FILE) -> bytes:
     """What a file holds.
 
     Raises:
-        InputError: absent, a directory, or unreadable.
+        InputError: absent, a directory, a device or a pipe (they may have no end), too large, or unreadable.
     """
-    try:
+    with _readable(path):
+        check_file(path, largest)
         return path.read_bytes()
+
+
+def start_of(path: Path, size: int) -> bytes:
+    """The first bytes of a file; errors as of `read_bytes`."""
+    with _readable(path):
+        check_file(path)
+        with path.open("rb") as file:
+            return file.read(size)
+
+
+def check_file(path: Path, largest: int = LARGEST_FILE) -> None:
+    """Refuses what may have no end, before a library opens it.
+
+    Raises:
+        InputError: a device or a pipe, or too large.
+    """
+    if not path.exists():
+        return
+    status = path.stat()
+    kind = next((words for test, words in _NO_FILES if test(status.st_mode)), "")
+    if kind:
+        raise InputError(f"{path}: is {kind}, which may have no end; save what it gives in a file")
+    if status.st_size > largest:
+        raise InputError(f"{path}: the file is larger than {largest >> 20} MiB")
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Makes errors of the system say what is wrong with a file."""
+    try:
+        yield
     except FileNotFoundError as error:
         raise InputError(f"{path}: there is no such file; check the path") from error
     except IsADirectoryError as error:

@@ -1,10 +1,10 @@
 """Reports of an adjustment: one-screen summary and the formats of results, all from one record.
 
-The record (`obseq.record`) is what the result file holds, so none of the reports can say something else, and
-`read_json` gives it back to make them again.
+The record (`obseq.records.adjustment`) is what the result file holds: none of the reports can say something
+else, and `read_json` gives it back to make them again.
 """
 
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.formats import FORMATS, Format
 from obseq.report.listing import listing
 from obseq.report.page import page

@@ -11,7 +11,7 @@ from obseq.printable import printable_line
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from obseq.record import EllipseRecord
+    from obseq.records.adjustment import EllipseRecord
 
 Column = dict[str, Any]
 Table = Column

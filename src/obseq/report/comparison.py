@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
-from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.printable import listed, printable
+from obseq.records.comparison import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.report import units
 from obseq.report.result_file import text_of
 from obseq.report.rows import Table
 from obseq.report.table import lines_of
+from obseq.spreadsheets import csv_text
 
 MOST_POINTS = 20
 MOST_NAMES = 8
@@ -41,24 +42,20 @@ def comparison_summary(
 
 def comparison_json(record: ComparisonRecord) -> str:
     """The text of the file of a comparison: valid JSON, floats exact."""
-    return text_of(record.to_dict())
+    return text_of(record)
 
 
 def comparison_csv(record: ComparisonRecord) -> str:
     """The displacements as a table, metres, one point per line; no verdict where there are obstacles."""
     header = "point,x,y,z,east,north,up,s_east,s_north,s_up,statistic,limit,p_value,significant,reference"
-    lines = [header]
+    rows = [header.split(",")]
     for row in record.displacements:
         numbers = (row.x, row.y, row.z, row.east, row.north, row.up, row.s_east, row.s_north, row.s_up)
         test = (row.test.statistic, row.test.limit, row.test.p_value) if row.test else ("", "", "")
-        cells = [_quoted(row.point), *map(repr, numbers), *map(str, test)]
+        cells = [row.point, *map(repr, numbers), *map(str, test)]
         verdict = "" if record.obstacles else str(int(row.is_significant))
-        lines.append(",".join([*cells, verdict, str(int(row.is_reference))]))
-    return "\n".join(lines) + "\n"
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"') else name
+        rows.append([*cells, verdict, str(int(row.is_reference))])
+    return csv_text(rows)
 
 
 def _verdict(record: ComparisonRecord) -> Iterator[str]:

@@ -29,7 +29,7 @@ from obseq.report.rows import short_names, unit_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.record import AdjustmentRecord, StatisticsRecord
+    from obseq.records.adjustment import AdjustmentRecord, StatisticsRecord
 
 Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""

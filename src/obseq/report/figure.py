@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import replace
+
+from msgspec import structs
 
 from obseq.dataclass import dataclass
-from obseq.record import AdjustmentRecord, PointRecord
+from obseq.records.adjustment import AdjustmentRecord, PointRecord
 from obseq.report.html import escaped
 from obseq.report.scheme import Places, scheme
 
@@ -51,7 +52,7 @@ def network_figure(record: AdjustmentRecord) -> str:
 
 def _on_scheme(point: PointRecord, places: Places) -> PointRecord:
     x, y = places[point.name]
-    return replace(point, x=x, y=y, sx=point.sz, sy=point.sz, ellipse=None)
+    return structs.replace(point, x=x, y=y, sx=point.sz, sy=point.sz, ellipse=None)
 
 
 def plan_figure(

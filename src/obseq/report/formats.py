@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from obseq.dataclass import dataclass
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.listing import listing
 from obseq.report.page import page
 from obseq.report.result_file import to_json

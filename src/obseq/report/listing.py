@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from obseq.arguments import expecting, instance
 from obseq.printable import printable
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.report import rows
 from obseq.report.quality import quality_tables, single_tests, snooping_lines, vector_table, worst_vectors
 from obseq.report.summary import (

@@ -15,7 +15,7 @@ from obseq.report.verdict import Verdict, worst_first, worst_title
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from obseq.record import AdjustmentRecord, PointRecord
+    from obseq.records.adjustment import AdjustmentRecord, PointRecord
 
 WORST = 10
 MOST_POINTS = 20

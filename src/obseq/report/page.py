@@ -1,12 +1,11 @@
 """The HTML report: one file that needs nothing else, with a plan and tables that are linked."""
 
-import json
 from importlib.resources import files
 from string import Template
 
 from obseq.arguments import expecting, instance
-from obseq.plain import encoded
-from obseq.record import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.record import encoded
 from obseq.report.content import content
 from obseq.report.html import escaped
 from obseq.report.quality import single_tests, snooping_lines, suspects
@@ -25,7 +24,6 @@ from obseq.report.verdict import Verdict
 
 SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "motions", "plan", "charts", "main")
 MOST_WARNINGS = 20
-ENCODER = json.JSONEncoder(ensure_ascii=True, separators=(",", ":"), allow_nan=False)
 
 Facts = list[tuple[str, str, str]]
 
@@ -53,7 +51,7 @@ def _part(name: str) -> str:
 
 def _embedded(plain: dict[str, object]) -> str:
     """JSON inside an element of HTML: nothing in it ends the element."""
-    return encoded(plain, ENCODER).replace("<", "\\u003c")
+    return encoded(plain).replace("<", "\\u003c")
 
 
 def _facts(record: AdjustmentRecord) -> str:
@@ -66,7 +64,8 @@ def _facts(record: AdjustmentRecord) -> str:
 
 def _outcome(record: AdjustmentRecord) -> Facts:
     verdict = Verdict(record)
-    sigma0 = f"{significant(record.sigma0)}; {tested(record)}"
+    sigma0 = tested(record) if record.planned else f"{significant(record.sigma0)}; {tested(record)}"
+    accepted = "good" if verdict.is_accepted else "bad"
     return [
         ("result", how_it_ended(record), "good" if record.converged else "bad"),
         *(("gross errors", line.strip(), "bad") for line in gross_errors(record, MOST_WARNINGS)),
@@ -75,7 +74,7 @@ def _outcome(record: AdjustmentRecord) -> Facts:
         ("constraints", f"{record.n_constraints}", ""),
         ("unknowns", f"{record.n_unknowns}", ""),
         ("redundancy", f"{record.redundancy}", ""),
-        ("sigma0", sigma0, "good" if verdict.is_accepted else "bad"),
+        ("sigma0", sigma0, "" if record.planned else accepted),
         ("", verdict.explanation, ""),
         *(("", line, "bad" if suspects(record) else "") for line in single_tests(record)),
         *(("snooping", line, "") for line in snooping_lines(record)),

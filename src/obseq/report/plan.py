@@ -9,7 +9,7 @@ from obseq.printable import printable_line
 from obseq.report.quality import ellipse_level
 
 if TYPE_CHECKING:
-    from obseq.record import AdjustmentRecord, PointRecord
+    from obseq.records.adjustment import AdjustmentRecord, PointRecord
 
 TOGETHER = 0.1
 """Width (rad) of the bundles of rays that are drawn as one, with all their names."""

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
-from obseq.plan_record import DrawsRecord, GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
 from obseq.printable import printable
+from obseq.records.plan import DrawsRecord, GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
 from obseq.report.result_file import text_of
 from obseq.report.rows import Table
 from obseq.report.summary import left_out, notes, warnings
@@ -39,7 +39,7 @@ def plan_summary(record: PlanRecord, written: Sequence[str] = ()) -> str:
 
 def plan_json(record: PlanRecord) -> str:
     """The text of the file of a plan: valid JSON, floats exact."""
-    return text_of(record.to_dict())
+    return text_of(record)
 
 
 def _counts(record: PlanRecord) -> Iterator[str]:

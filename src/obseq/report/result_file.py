@@ -1,27 +1,29 @@
 """The result file: the record of an adjustment as JSON, written and read back."""
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
+
+from msgspec import structs
 
 from obseq.arguments import PATH, expecting, instance
 from obseq.errors import InputError
-from obseq.plain import encoded
 from obseq.printable import json_escaped
-from obseq.record import AdjustmentRecord
-
-ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+from obseq.reading.json_text import parsed_json
+from obseq.reading.text import read_bytes
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.record import Record, encoded
 
 
 @expecting(record=instance(AdjustmentRecord))
 def to_json(record: AdjustmentRecord) -> str:
     """The text of the result file: valid JSON, one point, station or observation per line, floats exact."""
-    return text_of(record.to_dict())
+    return text_of(record)
 
 
-def text_of(plain: Mapping[str, object]) -> str:
+def text_of(record: Record) -> str:
     """The text of a file with this content: valid JSON, one item of a list per line, floats exact."""
-    parts = [f"{_encoded(key)}: {_lines(value)}" for key, value in plain.items()]
+    names = [field.name for field in structs.fields(record)]
+    names.sort(key=lambda name: name not in ("format", "version"))
+    parts = [f'"{name}": {_lines(getattr(record, name))}' for name in names]
     return json_escaped("{\n" + ",\n".join(parts) + "\n}\n")
 
 
@@ -41,24 +43,15 @@ def read_plain(path: str | Path) -> object:
     Raises:
         InputError: the file cannot be read, or is no JSON.
     """
+    data = read_bytes(Path(path))
     try:
-        plain: object = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refused)
-    except OSError as error:
-        raise InputError(f"{path}: it cannot be read ({error.strerror})") from error
+        plain = parsed_json(data)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: it is not a result file: {error}") from error
     return plain
 
 
-def _refused(name: str) -> float:
-    raise ValueError(f"{name} is no number of JSON")
-
-
 def _lines(value: object) -> str:
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        return "[\n  " + ",\n  ".join(_encoded(item) for item in value) + "\n]"
-    return _encoded(value)
-
-
-def _encoded(value: object) -> str:
-    return encoded(value, ENCODER)
+    if isinstance(value, tuple) and value and isinstance(value[0], Record):
+        return "[\n  " + ",\n  ".join(encoded(item) for item in value) + "\n]"
+    return encoded(value)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 
 from obseq.dataclass import dataclass
-from obseq.record import (
+from obseq.records.adjustment import (
     AdjustmentRecord,
     ConstraintRecord,
     MotionRecord,

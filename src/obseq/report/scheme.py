@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.record import AdjustmentRecord
+    from obseq.records.adjustment import AdjustmentRecord
 
 LEVELLED = frozenset({"DH", "Height", "Pz", "EqualDH"})
 """Types of observations that say nothing of the plan."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import listed, printable
-from obseq.record import AdjustmentRecord, OperationRecord, PointRecord
+from obseq.records.adjustment import AdjustmentRecord, OperationRecord, PointRecord
 from obseq.report import rows, units
 from obseq.report.quality import single_tests, snooping_lines, vector_table, worst_vectors
 from obseq.report.table import lines_of
@@ -48,6 +48,8 @@ def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
 
 def how_it_ended(record: AdjustmentRecord) -> str:
     """Whether the iterations converged, and how many there were."""
+    if record.planned:
+        return "planned, not measured"
     count = len(record.iterations)
     plural = "" if count == 1 else "s"
     if record.converged:
@@ -95,6 +97,8 @@ def tested(record: AdjustmentRecord) -> str:
     """What the test of sigma0 compares with which limits, and what it finds."""
     verdict = Verdict(record)
     test = verdict.test
+    if record.planned:
+        return "to be tested when there are residuals"
     if test is None:
         return f"sigma0 is {verdict.headline}"
     own = units.significant(test.sigma0, 5)

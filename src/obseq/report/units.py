@@ -3,8 +3,8 @@
 import math
 
 from obseq.dataclass import dataclass
-from obseq.record import AdjustmentRecord
-from obseq.shown_units import METRES, ShownUnits
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.shown_units import METRES, ShownUnits
 
 ABSENT = "-"
 

@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cached_property
 
+from msgspec import structs
+
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.record import (
+from obseq.records.adjustment import (
     AdjustmentRecord,
     ConstraintRecord,
     GlobalTestRecord,
@@ -141,6 +143,8 @@ class Verdict:
         return f"The residuals{whole} are what the sigmas of the observations announce."
 
     def _of_no_test(self) -> str:
+        if self.record.planned:
+            return "Nothing is measured yet: precisions and reliability are those to expect."
         if not self.record.converged:
             return "The iterations did not converge: residuals say nothing of the observations yet."
         if self.record.redundancy > 0:
@@ -224,7 +228,11 @@ def _without(row: StatisticsRecord, explained: float) -> StatisticsRecord:
     if row.sigma_factor is None or row.upper is None or not row.redundancy or row.sigma_factor <= row.upper:
         return row
     rest = max(row.sigma_factor**2 - explained / row.redundancy, 0.0) ** 0.5
-    return replace(row, sigma_factor=rest) if rest > row.upper else replace(row, sigma_factor=None)
+    return (
+        structs.replace(row, sigma_factor=rest)
+        if rest > row.upper
+        else structs.replace(row, sigma_factor=None)
+    )
 
 
 def _is_beyond(row: StatisticsRecord) -> bool:

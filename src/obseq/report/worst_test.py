@@ -6,8 +6,8 @@ from typing import TypeAlias
 
 from obseq.dataclass import dataclass
 from obseq.printable import listed
-from obseq.record import AdjustmentRecord, ConstraintRecord, JointTestRecord, ObservationRecord
-from obseq.record_quality import KNOWN
+from obseq.records.adjustment import AdjustmentRecord, ConstraintRecord, JointTestRecord, ObservationRecord
+from obseq.records.quality import KNOWN
 
 _Item: TypeAlias = JointTestRecord | ObservationRecord | ConstraintRecord
 

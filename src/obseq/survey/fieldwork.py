@@ -5,12 +5,14 @@ from __future__ import annotations
 import logging
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import cached_property
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
+from obseq.boundary import Boundary
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 
 _SMALL = 5000
 """Observations up to which what a search leaves behind takes little memory until its end."""
+_SEARCH = "the search for gross errors"
 _LOG = logging.getLogger(__name__)
 
 
@@ -139,9 +142,14 @@ class Fieldwork:
         """The adjustment with what its names make one think of."""
         from obseq.survey.screening.names import mistyped_names
 
-        found = adjustment.points, adjustment.left_out
-        told, notes = mistyped_names(self.model(), self.points, self.book, *found)
-        return replace(adjustment, warnings=(*told, *adjustment.warnings), notes=(*adjustment.notes, *notes))
+        boundary, found = Boundary(), (adjustment.points, adjustment.left_out)
+        told, notes = boundary.attempt(
+            "the search for mistyped names",
+            lambda: mistyped_names(self.model(), self.points, self.book, *found),
+            ((), ()),
+        )
+        named = replace(adjustment, warnings=(*told, *adjustment.warnings), notes=(*adjustment.notes, *notes))
+        return named.failing(boundary.failures)
 
     def _blame_names(self, error: ObseqError) -> NoReturn:
         """Raises an error of the adjustment again, with names that may be the reason."""
@@ -176,11 +184,9 @@ class Fieldwork:
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
-        from obseq.survey.screening.common_factor import common_factor
         from obseq.survey.screening.mirrored import mirror_warning
         from obseq.survey.screening.odd_sigmas import odd_sigmas
         from obseq.survey.screening.search import blame, refuse
-        from obseq.survey.screening.shared_offsets import shared_offset_cause
 
         with computation.watch.phase("initial values"):
             self._check_datum()
@@ -189,12 +195,15 @@ class Fieldwork:
                 given.initial.require_complete()
                 check_counts(self.points, self.book)
             replaced = replaced_coordinates(self.points, self.point_system, given.initial)
-            mirrored = mirror_warning(self.points, given.initial)
+            initial, boundary = given.initial, Boundary()
+            mirrored = boundary.attempt(
+                "the test of the sense of axes", lambda: mirror_warning(self.points, initial), ()
+            )
             given = leave_out(given, given.initial.unplaced)
         with computation.watch.phase("equations"):
             equations = self._equations(given)
         check_scales(given, equations, self._equations, computation.whole)
-        announced = self._announced(given, equations, computation, strict=strict)
+        announced = self._announced(given, equations, computation, boundary, strict=strict)
         if announced is not None and announced.errors and announced.places is not None:
             given = announced.places.places_in(given)
             equations = self._equations(given)
@@ -202,17 +211,35 @@ class Fieldwork:
         try:
             adjustment = computation.determined(given, equations, strict=strict)
         except ObseqError as error:
-            blame(error, self._looked_for(announced, given, computation))
+            search = partial(self._looked_for, announced, given, computation)
+            blame(error, boundary.attempt(_SEARCH, search, ()))
+        explain = partial(self._explained, announced, given, equations, computation, adjustment)
+        errors, told = boundary.attempt(_SEARCH, explain, (announced.errors if announced else (), ()))
+        if strict and errors:
+            refuse(errors)
+        odd = boundary.attempt("the test of sigmas", lambda: odd_sigmas(adjustment, self.model().units), ())
+        adjustment = replace(adjustment, notes=(*adjustment.notes, *odd))
+        told_of = adjustment.announcing(errors, replaced).warned(*mirrored, *told)
+        return told_of.failing(boundary.failures)
+
+    def _explained(
+        self,
+        announced: Search | None,
+        given: Determined,
+        equations: Equations,
+        computation: Computation,
+        adjustment: Adjustment,
+    ) -> tuple[tuple[GrossError, ...], tuple[str, ...]]:
+        """The gross errors of an adjustment, and a sentence that lists several."""
+        from obseq.survey.screening.common_factor import common_factor
+        from obseq.survey.screening.shared_offsets import shared_offset_cause
+
         errors = announced.errors if announced else ()
         if not errors:
             errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
             errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
         errors = shared_offset_cause(self.model(), given, equations, adjustment, errors) or errors
-        errors, told = self._told_best(errors, computation, given, equations, adjustment)
-        if strict and errors:
-            refuse(errors)
-        notes = (*adjustment.notes, *odd_sigmas(adjustment, self.model().units))
-        return replace(adjustment, notes=notes).announcing(errors, replaced).warned(*mirrored, *told)
+        return self._told_best(errors, computation, given, equations, adjustment)
 
     def _told_best(
         self,
@@ -277,7 +304,13 @@ class Fieldwork:
         return found.errors
 
     def _announced(
-        self, start: Determined, equations: Equations, computation: Computation, *, strict: bool
+        self,
+        start: Determined,
+        equations: Equations,
+        computation: Computation,
+        boundary: Boundary,
+        *,
+        strict: bool,
     ) -> Search | None:
         """The gross errors, looked for where some observation does not fit the initial values; else None."""
         from obseq.survey.screening.search import is_doubtful, refuse
@@ -285,8 +318,9 @@ class Fieldwork:
         check_sights(start.book, start.initial)
         Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
         with computation.watch.phase("gross errors"):
-            doubtful = is_doubtful(start, equations)
-            found = self._errors_among_determined(start, computation, equations) if doubtful else None
+            search = partial(self._errors_among_determined, start, computation, equations)
+            doubtful = boundary.attempt(_SEARCH, lambda: is_doubtful(start, equations), False)
+            found = boundary.attempt(_SEARCH, search, None) if doubtful else None
         errors = found.errors if found else ()
         for error in errors:
             _LOG.info("%s", error.sentence())

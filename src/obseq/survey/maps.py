@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
-    from obseq.record import AdjustmentRecord, EllipseRecord, ObservationRecord
+    from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, ObservationRecord
 
 
 Properties: TypeAlias = dict[str, object]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import enum
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import expecting, instance
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.registry import BY_CODE, KINDS, among, codes
 from obseq.survey.points import CoordinateCovariance as CoordinateCovariance
@@ -21,7 +21,7 @@ from obseq.survey.points import points_of_lines as points_of_lines
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.record import UnusedRecord
+    from obseq.records.adjustment import UnusedRecord
 
 IntArray = npt.NDArray[np.int32]
 _ORIENTING = codes(*(kind for kind in KINDS if kind.orients > 0))

@@ -26,16 +26,17 @@ from obseq.errors import InputError
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
-from obseq.survey.adjustment.datum import Datum
+from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.adjustment.drawing import network_html, network_text
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
-from obseq.survey.checks.both_faces import refuse_both_faces
+from obseq.survey.checks.both_faces import MEAN, reduced_faces
 from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.initial.initial_values import InitialValues
+from obseq.survey.initial.own_frame import placed_in_own_frame
 from obseq.survey.model import join
 from obseq.survey.point_file_options import PointFileOptions
 
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
     from pathlib import Path
 
-    from obseq.shown_units import ShownUnits
+    from obseq.records.shown_units import ShownUnits
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import FieldBook, Points
@@ -110,6 +111,8 @@ class Network:
         ignore=WORDS,
         refraction=NUMBER,
         geoid=PATH | NOTHING,
+        stochastic=PATH | NOTHING,
+        faces=TEXT,
     )
     def read(
         cls,
@@ -124,6 +127,8 @@ class Network:
         ignore: Collection[str] = (),
         refraction: float = crs.REFRACTION_COEFFICIENT,
         geoid: str | Path | None = None,
+        stochastic: str | Path | None = None,
+        faces: str = MEAN,
     ) -> Network:
         """Reads OBS files and point files.
 
@@ -142,14 +147,18 @@ class Network:
                 "deflections", "after-sigma" (everything after the sigma of an observation).
             refraction: Coefficient k of zenith angles: rays are arcs of radius (radius of the Earth) / k.
             geoid: Deflections of the vertical of points whose line gives none (see `with_deflections`).
+            stochastic: File that says what observations are worth, in place of their own sigmas (see
+                `obseq.formats.read_stochastic`).
+            faces: Of sights in both faces of the telescope, "mean" to adjust the means, "all" all readings.
 
         Raises:
             InputError: A file or a definition is wrong; the message says where and what to do.
         """
         points = (points_crs, point_sigma, point_format, point_options)
         network = files.read_network(
-            observation_files, point_files, frame, points, encoding, ignore, refraction
+            observation_files, point_files, frame, points, encoding, ignore, refraction, faces
         )
+        network = network if stochastic is None else files.read_stochastic(stochastic).weighing(network)
         return network if geoid is None else network.with_deflections(geoid)
 
     @classmethod
@@ -163,6 +172,8 @@ class Network:
         ignore=WORDS,
         sigmas=WORDS,
         points_crs=TEXT | NOTHING,
+        stochastic=PATH | NOTHING,
+        faces=TEXT,
     )
     def read_project(
         cls,
@@ -176,6 +187,8 @@ class Network:
         geoid: str | Path | None = None,
         ignore: Collection[str] = (),
         sigmas: Collection[str] = (),
+        stochastic: str | Path | None = None,
+        faces: str = MEAN,
     ) -> Network:
         """Reads what files of another program describe, such as a Comp3D project (`.comp`).
 
@@ -191,12 +204,15 @@ class Network:
                 observations that are not those of the network.
             sigmas: Standard deviations of observations whose file has none, such as "distance=2mm" (STAR*NET,
                 LandXML).
+            stochastic: File that says what observations of each instrument are worth, centring included (see
+                `obseq.formats.read_stochastic`): in place of the sigmas of the files, where they have some.
+            faces: "mean" or "all", as for `read`.
 
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
         return files.read_project_network(
-            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas
+            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas, stochastic, faces
         )
 
     @expecting(geoid=PATH)
@@ -246,6 +262,7 @@ class Network:
         points_crs: str | None,
         refraction: float,
         watch: Stopwatch,
+        faces: str = MEAN,
     ) -> Network:
         """The network of points in their system and of observations."""
         with watch.phase("coordinate systems"):
@@ -257,14 +274,20 @@ class Network:
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
             warning = _area_warning(given, points)
-        refuse_both_faces(book)
+        book = reduced_faces(book, faces)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))
         points, book = join(
             replace(points, coordinates=coordinates),
             book.warned(*repetitions(book), *implausible_sigmas(points, book)),
         )
-        return cls(points, book, Frame(computation, refraction), given, watch.seconds)
+        frame_of_network = Frame(computation, refraction)
+        own = None if frame_of_network.has_place else placed_in_own_frame(points, book)
+        if own is None:
+            return cls(points, book, frame_of_network, given, watch.seconds)
+        points, told = own
+        free = Datum(DatumKind.INNER)
+        return cls(points, book.warned(told), frame_of_network, given, watch.seconds, datum=free)
 
     @property
     def point_system(self) -> PointSystem:
@@ -301,6 +324,7 @@ class Network:
         quality=instance(Quality),
         start=instance(InitialValues) | NOTHING,
         datum=instance(Datum) | NOTHING,
+        strategy=TEXT,
     )
     def adjust(
         self,
@@ -312,6 +336,7 @@ class Network:
         quality: Quality = QUALITY,
         start: InitialValues | None = None,
         datum: Datum | None = None,
+        strategy: str = "controlled",
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -328,6 +353,7 @@ class Network:
             start: Where the iterations start; by default initial values from the known points and the
                 observations.
             datum: What the network rests on; None for what the files say, or the known coordinates.
+            strategy: How the iterations move; see `obseq.LeastSquares.solve`.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
@@ -336,7 +362,14 @@ class Network:
         chosen = self.datum if datum is None else datum
         watch = Stopwatch(progress)
         computation = Computation(
-            self.frame, self.points_crs, self.unit_sigma, max_iterations, tolerance, watch, quality
+            self.frame,
+            self.points_crs,
+            self.unit_sigma,
+            max_iterations,
+            tolerance,
+            watch,
+            quality,
+            strategy=strategy,
         )
         adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)

@@ -18,6 +18,7 @@ class PointFileOptions:
         first_line: NumL0, lines before it are not read (from 0, all lines count).
         last_line: NumLast, this line and those after it are not read; None or negative: to the end.
         comment: Comment, the character that ends a line wherever it stands; empty: none.
+        separator: Sep, a character that separates fields as blanks and commas do; empty: none.
         skip_repeated: NoDupL, lines that repeat an earlier line are skipped.
         encoding: of the names.
     """
@@ -30,5 +31,6 @@ class PointFileOptions:
     first_line: int = 0
     last_line: int | None = None
     comment: str = "#"
+    separator: str = ""
     skip_repeated: bool = False
     encoding: str = "utf-8"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, sequence
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 

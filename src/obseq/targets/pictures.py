@@ -12,6 +12,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.packages import require
+from obseq.reading.text import check_file
 
 if TYPE_CHECKING:
     from obseq.arrays import Array
@@ -51,6 +52,7 @@ def read_picture(path: str | Path) -> Picture:
     from PIL import Image, UnidentifiedImageError
 
     place = Path(path)
+    check_file(place)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -7,11 +7,11 @@ down, angles are atan2(y, x): they grow clockwise on the page.
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.targets.codes import check_bits, least_distance, members, rotated

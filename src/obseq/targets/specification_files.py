@@ -17,6 +17,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.project.tree import Reader, read_tree, tree_text
 from obseq.project.xml_elements import root_of
+from obseq.reading.text import read_bytes
 from obseq.targets.codes import bits_of, members
 from obseq.targets.drawings import bit_centres, centre, corners
 from obseq.targets.families import family
@@ -81,15 +82,7 @@ def read_specification(path: str | Path) -> Specification:
 
 
 def _content(path: Path) -> Tree:
-    try:
-        size = path.stat().st_size
-        data = path.read_bytes() if size <= LARGEST else b""
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    if size > LARGEST:
-        raise InputError(f"{path}: is larger than {LARGEST >> 20} MiB; this is no specification of targets")
+    data = read_bytes(path, LARGEST)
     if data.lstrip()[:1] == b"{":
         return read_tree(path)
     if data.lstrip()[:1] != b"<":

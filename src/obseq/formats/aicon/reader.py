@@ -14,17 +14,22 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.formats.fitted import fitted_camera
-from obseq.images.bundle import BundleAdjustment
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.reading.origin import Origin
 from obseq.reading.tables import text_of
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from obseq.arrays import FloatArray
+    from obseq.images.bundle import BundleAdjustment
     from obseq.images.camera import Camera
 
+TERMS = ("F", "PPx", "PPy", "K1", "K2", "K3", "p1", "p2", "b1", "b2")
+"""Our names of what its cameras have."""
 ENDINGS = (".obc", ".eor", ".ior", ".phc")
 
 
@@ -63,18 +68,22 @@ def read_aicon(folder: str | Path, image_sigma: float) -> tuple[BundleAdjustment
         InputError: a file is missing or broken, or holds what is not read; with file and line.
     """
     place = Path(folder)
-    block = BundleAdjustment()
-    cameras = _cameras(_file(place, ".ior"))
-    block.add_cameras(*(camera for camera, _ in cameras.values()))
-    poses, owner = _poses(_file(place, ".eor"), cameras)
-    block.add_poses(poses)
-    names, places, datum, inactive = _points(_file(place, ".obc"))
-    block.add_approximations(names, places)
-    _add_measures(block, _file(place, ".phc"), cameras, owner, inactive, image_sigma)
-    for ending in (".scl", ".dis"):
-        for path in sorted(place.glob(f"*{ending}")):
-            _add_scale(block, path)
-    return block, tuple(datum)
+    with new_block(folder) as block:
+        cameras = _cameras(_file(place, ".ior"))
+        block.add_cameras(*(camera for camera, _ in cameras.values()))
+        hold_all_but(block, {camera.name: TERMS for camera, _ in cameras.values()})
+        poses, owner, off = _poses(_file(place, ".eor"), cameras)
+        note_count(block, off, "images are not active, or not oriented, and are left out")
+        block.add_poses(poses)
+        names, places, datum, inactive = _points(_file(place, ".obc"))
+        note_count(block, inactive, "points are not active and are left out")
+        block.add_approximations(names, places)
+        _add_measures(block, _file(place, ".phc"), cameras, owner, inactive, image_sigma)
+        for ending in (".scl", ".dis"):
+            for path in sorted(place.glob(f"*{ending}")):
+                _add_scale(block, path)
+        block.datum_points = tuple(datum)
+    return block, block.datum_points
 
 
 def _file(folder: Path, ending: str) -> Path:
@@ -132,9 +141,12 @@ def _camera(lines: list[_Line]) -> tuple[str, tuple[Camera, FloatArray]]:
         raise InputError(f"{first.where}: {error}") from None
 
 
-def _poses(path: Path, cameras: dict[str, tuple[Camera, FloatArray]]) -> tuple[Poses, dict[str, str]]:
-    """Poses of the active, oriented images, and the camera of each."""
+def _poses(
+    path: Path, cameras: dict[str, tuple[Camera, FloatArray]]
+) -> tuple[Poses, dict[str, str], list[str]]:
+    """Poses of the active, oriented images, the camera of each, and the names of the others."""
     names: list[str] = []
+    others: list[str] = []
     centres, angles = [], []
     owner: dict[str, str] = {}
     for line in _lines(path):
@@ -145,21 +157,22 @@ def _poses(path: Path, cameras: dict[str, tuple[Camera, FloatArray]]) -> tuple[P
         if line.number(8) != 0.0:
             raise InputError(f"{line.where}: the order of rotations {line.fields[8]}: only 0 is read")
         if line.number(9) == 0.0 or line.number(10) == 1.0:
+            others.append(name)
             continue
         owner[name] = camera
         names.append(name)
         centres.append(line.numbers(2, 3))
         angles.append(line.numbers(5, 3))
-    return Poses.of(names, centres, angles, "opk", [owner[name] for name in names]), owner
+    return Poses.of(names, centres, angles, "opk", [owner[name] for name in names]), owner, others
 
 
-def _points(path: Path) -> tuple[list[str], FloatArray, list[str], set[str]]:
+def _points(path: Path) -> tuple[list[str], FloatArray, list[str], list[str]]:
     """Names and places of points, the names of the datum, and of those that are switched off."""
-    names, places, datum, inactive = [], [], [], set()
+    names, places, datum, inactive = [], [], [], []
     for line in _lines(path):
         line.require(11, "a point is: name, X Y Z, sX sY sZ, rays, active, new, datum")
         if line.number(8) == 0.0:
-            inactive.add(line.fields[0])
+            inactive.append(line.fields[0])
             continue
         names.append(line.fields[0])
         places.append(line.numbers(1, 3))
@@ -173,20 +186,23 @@ def _add_measures(
     path: Path,
     cameras: dict[str, tuple[Camera, FloatArray]],
     owner: dict[str, str],
-    inactive: set[str],
+    inactive: Collection[str],
     sigma: float,
 ) -> None:
-    images, points, pixels = [], [], []
+    images, points, pixels, off = [], [], [], []
+    without = set(inactive)
     for line in _lines(path):
         line.require(10, "a measure is: image, point, x y, sx sy, vx vy, method, active")
         image, point = line.fields[:2]
-        if line.number(9) <= 0.0 or image not in owner or point in inactive:
+        if line.number(9) <= 0.0 or image not in owner or point in without:
+            off.append(f"{point} in {image}")
             continue
         camera, scale = cameras[owner[image]]
         x, y = line.numbers(2, 2)
         images.append(image)
         points.append(point)
         pixels.append([camera.width / 2.0 + x * scale[0], camera.height / 2.0 - y * scale[1]])
+    note_count(block, off, "measures are not active, or of an image or a point that is not")
     try:
         measures = ImagePoints.of(images, points, np.array(pixels).reshape(-1, 2), sigma)
         block.add_measures(measures, name=path.name, origin=Origin(str(path)))
@@ -195,9 +211,13 @@ def _add_measures(
 
 
 def _add_scale(block: BundleAdjustment, path: Path) -> None:
+    off = []
     for line in _lines(path):
         line.require(7, 'a scale bar is: number, "name", point, point, length, sigma, active')
         first, second = line.fields[-5:-3]
         length, sigma, active = line.numbers(len(line.fields) - 3, 3)
         if active > 0.0:
             block.add_length(first, second, length, sigma)
+        else:
+            off.append(f"{first} - {second}")
+    note_count(block, off, f"scale bars of {path.name} are not active")

@@ -23,6 +23,7 @@ from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.reading.origin import Origin
 from obseq.reading.tables import number_in, text_of
+from obseq.reading.text import read_bytes
 from obseq.writing import write_text
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def _text(path: str | Path) -> str:
     if not str(path).endswith(".bz2"):
         return text_of(path)
     try:
-        return bz2.decompress(Path(path).read_bytes()).decode()
+        return bz2.decompress(read_bytes(Path(path))).decode()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:

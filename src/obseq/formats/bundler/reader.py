@@ -13,6 +13,7 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.formats.bal.reader import block_of_cameras, naming
+from obseq.formats.blocks.reading import note_count
 from obseq.reading.tables import number_in, text_of
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def read_bundler(path: str | Path, images: Sequence[str] | None = None) -> Bundl
     views = [lines.views(after + POINT_LINES * k + 2, used.tolist()) for k in range(m)]
     index, pixels = _measures(views, used)
     with naming(path):
-        return block_of_cameras(
+        block = block_of_cameras(
             path,
             cameras[used, 1:4],
             cameras[used, 4],
@@ -120,6 +121,9 @@ def read_bundler(path: str | Path, images: Sequence[str] | None = None) -> Bundl
             pixels,
             [name for name, there in zip(names, used, strict=True) if there],
         )
+    absent = [name for name, there in zip(names, used, strict=True) if not there]
+    note_count(block, absent, "images are not there: their focal length is 0")
+    return block
 
 
 def _measures(views: list[FloatArray], used: BoolArray) -> tuple[IntArray, FloatArray]:

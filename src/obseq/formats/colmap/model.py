@@ -9,7 +9,8 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.reading.tables import LARGEST, text_of
+from obseq.reading.tables import text_of
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -167,12 +168,7 @@ class _Bytes:
     """A binary file that is read from its beginning to its end."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            if path.stat().st_size > LARGEST:
-                raise InputError(f"{path}: the file is larger than {LARGEST >> 20} MiB")
-            self.data = path.read_bytes()
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror}") from None
+        self.data = read_bytes(path)
         self.path, self.place = path, 0
 
     def take(self, form: str) -> tuple[int | float, ...]:

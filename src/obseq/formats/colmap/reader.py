@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.formats.camera_terms import check_camera
 from obseq.formats.colmap.model import read_model
 from obseq.formats.fitted import fitted_camera
 from obseq.geometry import RigidMotion, attitudes, rotations_from
-from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
-from obseq.reading.origin import Origin
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
@@ -30,10 +29,24 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.formats.colmap.model import ColmapCamera, ColmapImage, ColmapModel
     from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.bundle import BundleAdjustment
 
 TERMS = ("K1", "K2", "p1", "p2")
 """Of the distortion, in the order of the camera that is written."""
 WRITTEN = ("cameras.txt", "images.txt", "points3D.txt")
+_ONE, _TWO, _DECENTRIC = ("F", "PPx", "PPy"), ("F", "PPx", "PPy", "b1"), ("p1", "p2")
+FREE = {
+    "SIMPLE_PINHOLE": _ONE,
+    "PINHOLE": _TWO,
+    "SIMPLE_RADIAL": (*_ONE, "K1"),
+    "RADIAL": (*_ONE, "K1", "K2"),
+    "OPENCV": (*_TWO, "K1", "K2", *_DECENTRIC),
+    "FULL_OPENCV": (*_TWO, *(f"K{k}" for k in range(1, 6)), *_DECENTRIC),
+    "SIMPLE_RADIAL_FISHEYE": (*_ONE, "K1"),
+    "RADIAL_FISHEYE": (*_ONE, "K1", "K2"),
+    "OPENCV_FISHEYE": (*_TWO, "K1", "K2", "K3", "K4"),
+}
+"""Our names of the parameters of each model: two focal lengths are F and b1. A quotient becomes K1 to K5."""
 UNREAD = ("rigs", "frames")
 """Files of rigid blocks, since version 3.12."""
 
@@ -41,7 +54,8 @@ UNREAD = ("rigs", "frames")
 def read_colmap(folder: str | Path) -> BundleAdjustment:
     """The block of a sparse model, text or binary; points keep their numbers as names, images their names.
 
-    Of two features of an image that COLMAP has matched to one point, the first one counts.
+    Of a camera its own parameters are unknown; the others that ours has are held. Of two features of an image
+    that COLMAP has matched to one point, the first one counts, and the others are told in a note.
 
     Raises:
         InputError: a file is missing or broken, or a camera has a model that is not one of ours.
@@ -49,15 +63,17 @@ def read_colmap(folder: str | Path) -> BundleAdjustment:
     place = Path(folder)
     model = read_model(place)
     cameras = {number: _camera(f"camera {number}", given) for number, given in model.cameras.items()}
-    block = BundleAdjustment()
-    block.add_cameras(*cameras.values())
-    missing = [image for image in model.images if image.camera not in cameras]
-    if missing:
-        raise InputError(f"{place}: camera {missing[0].camera} of image {missing[0].name} is not in cameras")
-    block.add_poses(_poses(place, model.images, cameras))
-    _add_points(block, place, model)
-    block.notes.extend(_unread(place))
-    block.origin = Origin(str(place))
+    with new_block(place) as block:
+        block.add_cameras(*cameras.values())
+        hold_all_but(block, {cameras[k].name: FREE[given.model] for k, given in model.cameras.items()})
+        missing = [image for image in model.images if image.camera not in cameras]
+        if missing:
+            raise InputError(
+                f"{place}: camera {missing[0].camera} of image {missing[0].name} is not in cameras"
+            )
+        block.notes.extend(_unread(place))
+        block.add_poses(_poses(place, model.images, cameras))
+        _add_points(block, place, model)
     return block
 
 
@@ -93,6 +109,9 @@ def _add_points(block: BundleAdjustment, place: Path, model: ColmapModel) -> Non
     _, first = np.unique(np.column_stack([image, point]), axis=0, return_index=True)
     kept = np.sort(first)
     images = [one.name for one in model.images]
+    again = np.setdiff1d(np.arange(len(image)), kept).tolist()
+    labels = [f"image {images[image[row]]} point {names[point[row]]}" for row in again]
+    note_count(block, labels, "features are left out: their points have another one in the image")
     block.add_measures(ImagePoints.packed(images, names, image[kept], point[kept], xy[kept]))
 
 
@@ -111,13 +130,24 @@ def _camera(name: str, given: ColmapCamera) -> Camera:
             powers = dict(zip(("K1", "K2"), values[3:], strict=False))
             middle = np.array(values[1:3])
             return Camera(name, *given.size, values[0], middle, (3, 1, 1), powers, "FE_EquiDist")
-        if given.model == "OPENCV_FISHEYE" and values[0] == values[1]:
-            powers = dict(zip(("K1", "K2", "K3", "K4"), values[4:], strict=True))
-            middle = np.array(values[2:4])
-            return Camera(name, *given.size, values[0], middle, (5, 1, 1), powers, "FE_EquiDist")
+        if given.model == "OPENCV_FISHEYE":
+            return _fisheye(name, given.size, values)
     except InputError as error:
         raise InputError(f"{given.where}: {error}") from None
-    raise InputError(f"{given.where}: the model {given.model} with these parameters is not one of ours")
+    raise InputError(f"{given.where}: the model {given.model} is not one of ours")
+
+
+def _fisheye(name: str, size: tuple[int, int], values: list[float]) -> Camera:
+    fx, fy, x, y, *given = values
+    powers = dict(zip(("K1", "K2", "K3", "K4"), given, strict=True))
+    camera = Camera(name, *size, fy, np.array([x, y]), (5, 1, 1), powers, "FE_EquiDist")
+    if fx == fy:
+        return camera
+
+    def project(plane: FloatArray) -> FloatArray:
+        return np.asarray(camera.distorted(plane) * [fx, fy] + [x, y])
+
+    return fitted_camera(name, size, fy, project, ((5, 1, 1), (5, 1, 5)), camera.projection)
 
 
 def _opencv(name: str, size: tuple[int, int], values: list[float]) -> Camera:

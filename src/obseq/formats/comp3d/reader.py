@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,8 @@ from obseq.formats.includes import Folder
 from obseq.formats.levelled_points import levelled_points
 from obseq.formats.obs.cor import PointColumns
 from obseq.formats.project import Project, Reading
-from obseq.shown_units import ShownUnits
+from obseq.reading.json_text import parsed_json
+from obseq.records.shown_units import ShownUnits
 from obseq.survey.model import CoordinateCovariance, merge_points
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _settings(path: Path) -> tuple[Configuration, tuple[str, ...]]:
     file = Folder(path.parent, "latin-1", True).open(path.name)
     _, found, text = "\n".join(file.lines).partition("=")
     try:
-        content = json.loads(text if found else "")
+        content = parsed_json(text if found else "")
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not a Comp3D project (data= and a JSON object): {error}") from error
     config = content.get("config") if isinstance(content, dict) else None

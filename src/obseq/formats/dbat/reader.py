@@ -13,7 +13,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.images.bundle import BundleAdjustment
+from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
@@ -26,13 +26,23 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.images.bundle import BundleAdjustment
 
 ROOT, MODEL = "document", 3
 DEGREE = (3, 1, 1)
 ASPECT = 1e-4
-PARAMETERS = {"focal": "F", "cc": "F", "pp": "PP.", "K": "K.", "P": "p.", "aspect": "b1", "skew": "b2"}
-"""DBAT's groups of camera parameters as patterns of ours."""
-SIGMAS = ("sx", "sy", "sz")
+PARAMETERS = {
+    "all": ".*", "focal": "F", "cc": "F", "pp": "PP.", "px": "PPx", "py": "PPy",
+    "K": "K.", "K1": "K1", "K2": "K2", "K3": "K3", "P": "p.", "P1": "p1", "P2": "p2",
+    "aspect": "b1", "skew": "b2",
+}  # fmt: skip
+"""DBAT's camera parameters, single or in groups, as patterns of ours."""
+CAMERA_FILE = "dbat_camera_version"
+"""Attribute of the root of a file of cameras."""
+TERMS = ("F", "PPx", "PPy", "K1", "K2", "K3", "p1", "p2", "b1")
+"""Our names of what a camera of DBAT has, its skew being zero."""
+SIGMAS, TURNS = ("sx", "sy", "sz"), ("so", "sp", "sk")
+"""Columns of the sigmas of poses: of centres, and of angles."""
 
 
 @dataclass(frozen=True)
@@ -122,15 +132,17 @@ def read_dbat(path: str | Path) -> BundleAdjustment:
     if root.name != ROOT or source is None:
         raise problem(root, "this is no script of DBAT (document with input)")
     folder = _folder(source, Path(path))
-    camera = _camera(source)
-    block = BundleAdjustment()
-    block.add_cameras(camera)
-    names = _images(source, folder)
-    block.add_images(names.values(), camera.name)
-    _add_control(block, source, folder)
-    _add_measures(block, source, folder, names)
-    _add_poses(block, source, folder, names)
-    _add_estimates(block, root)
+    camera = _camera(source, folder)
+    with new_block(path) as block:
+        block.add_cameras(camera)
+        hold_all_but(block, {camera.name: TERMS})
+        names = _images(source, folder)
+        block.add_images(names.values(), camera.name)
+        _add_control(block, source, folder)
+        _note_checks(block, source, folder)
+        _add_measures(block, source, folder, names)
+        _add_poses(block, source, folder, names)
+        _add_estimates(block, root)
     return block
 
 
@@ -165,7 +177,7 @@ def _read(element: Element, folder: Path) -> _Rows:
 
 
 def _filtered(holder: Element | None, table: _Rows) -> _Rows:
-    """The rows that the filters of a list of points leave."""
+    """The rows that the filters of a list of points leave, as the script asks for."""
     for item in holder.children if holder is not None else ():
         if item.name != "filter":
             continue
@@ -188,9 +200,21 @@ def _require(element: Element, table: _Rows, *columns: str) -> None:
         raise problem(element, f"its format has no column {missing[0]!r}")
 
 
-def _camera(source: Element) -> Camera:
-    holder = child(source, "cameras")
-    cameras = [item for item in holder.children if item.name == "camera"] if holder is not None else []
+def _all_cameras(holder: Element | None, folder: Path) -> Iterator[Element]:
+    """The cameras of a script: in it, or in files of cameras that it names."""
+    for item in holder.children if holder is not None else ():
+        if item.name == "camera":
+            yield item
+        elif item.name == "file":
+            path = folder / text(item)
+            root = read_xml(path)
+            if root.name != ROOT or CAMERA_FILE not in root.attributes:
+                raise problem(root, f"no file of cameras ({ROOT} with {CAMERA_FILE})")
+            yield from _all_cameras(child(root, "cameras"), path.parent)
+
+
+def _camera(source: Element, folder: Path) -> Camera:
+    cameras = list(_all_cameras(child(source, "cameras"), folder))
     if len(cameras) != 1:
         raise problem(source, f"{len(cameras)} cameras: one is read")
     element = cameras[0]
@@ -276,6 +300,12 @@ def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None
         block.add_control_points(control, table.origin)
 
 
+def _note_checks(block: BundleAdjustment, source: Element, folder: Path) -> None:
+    """Says which coordinates take no part."""
+    names = [name for _, table in _tables(child(source, "check_pts"), folder) for name in table.texts("id")]
+    note_count(block, names, "check points are free points, whose known coordinates take no part")
+
+
 def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
     for element, table in _tables(child(source, "image_pts"), folder):
         _require(element, table, "id", "im", "x", "y")
@@ -301,11 +331,18 @@ def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: di
         angles = np.radians(table.numbers("omega", "phi", "kappa"))
         poses = Poses.of(images, table.numbers("x", "y", "z"), angles, "opk")
         block.add_poses(poses)
-        if not all(name in table for name in SIGMAS):
+        found = [name for name in (*SIGMAS, *TURNS) if name in table]
+        if not found:
             continue
+        if found not in ([*SIGMAS], [*SIGMAS, *TURNS]):
+            raise problem(
+                element,
+                f"of the sigmas of poses there are {', '.join(found)}: needed are {', '.join(SIGMAS)}, and "
+                f"{', '.join(TURNS)} where angles have them, or none",
+            )
         turn = None
-        if all(name in table for name in ("so", "sp", "sk")):
-            turns = table.numbers("so", "sp", "sk")
+        if TURNS[0] in found:
+            turns = table.numbers(*TURNS)
             turn = float(np.radians(turns.flat[0]))
             if np.ptp(turns) > 0.0:
                 raise problem(element, "sigmas of angles that differ are not read")
@@ -321,9 +358,11 @@ def _add_estimates(block: BundleAdjustment, root: Element) -> None:
             continue
         block.freeze_parameters(".*")
         for tag, free in _flags(child(chosen, "io")):
-            pattern = PARAMETERS.get(tag, ".*" if tag == "all" else "")
-            if not pattern:
-                raise problem(chosen, f"the camera parameter {tag!r} is not known here")
+            pattern = PARAMETERS.get(tag)
+            if pattern is None:
+                raise problem(
+                    chosen, f"the camera parameter {tag!r} is not known here; known: {', '.join(PARAMETERS)}"
+                )
             (block.free_parameters if free else block.freeze_parameters)(pattern)
         for tag, free in _flags(child(chosen, "eo")):
             if tag != "all":

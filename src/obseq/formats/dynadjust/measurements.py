@@ -14,6 +14,7 @@ from obseq.errors import CrsError
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.dynadjust.records import VECTORS, radians_of_packed
 from obseq.formats.dynadjust.stations import geocentric
+from obseq.printable import listed
 from obseq.reading.text import LEAST_SIGMA, quoted
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, curvatures
@@ -39,6 +40,10 @@ PLUMB = "AVZDKIJ"
 """Types that depend on the direction of the plumb line."""
 ABOVE_GEOID = "LHM"
 """Types that depend on the geoid."""
+GEODETIC = ("LLH", "LLh")
+"""How clusters of positions may be given beside XYZ: with heights above the geoid, or the ellipsoid."""
+SHOWN = 5
+"""Names of many that a warning gives."""
 VECTOR_KINDS, POSITION_KINDS = (VECTOR, VECTOR_Y, VECTOR_Z), (GEO_X, GEO_Y, GEO_Z)
 
 
@@ -66,7 +71,7 @@ class _Book:
         }
         self._columns.files.extend(self._files)
         types = Counter(record.code for record in records if record.is_active)
-        stations.is_deflected = stations.has_geoid and any(types[code] for code in PLUMB)
+        stations.is_deflected = stations.has_deflections and any(types[code] for code in PLUMB)
         self._types = types
         self._plumb: dict[int, int] = {}
 
@@ -217,10 +222,10 @@ class _Book:
         if min(record.scales) <= 0.0:
             raise record.place.error("a scale of variances is not positive")
         turn = np.eye(3 * n) * math.sqrt(v)
-        if record.system == "LLH":
+        if record.system in GEODETIC:
             for k, member in enumerate(record.members):
                 part = slice(3 * k, 3 * k + 3)
-                turn[part, part] = math.sqrt(v) * _derivatives(_place_of(member))
+                turn[part, part] = math.sqrt(v) * _derivatives(_place_of(self._stations, record, member))
         if others == [1.0, 1.0, 1.0]:
             return turn
         longitude, latitude = self._stations.geodetic[self._stations.index[record.names[0]], :2]
@@ -231,17 +236,32 @@ class _Book:
 
     def _warn(self, records: Sequence[MeasurementRecord], ignore_frames: bool) -> None:
         warnings, files = self._columns.warnings, ", ".join(self._files)
-        levelled = sum(self._types[code] for code in ABOVE_GEOID)
-        if not self._stations.has_geoid and (levelled or self._stations.height_is_held()):
+        levelled = sum(self._types[code] for code in ABOVE_GEOID) + sum(
+            record.code == "Y" and record.system == "LLH" and record.is_active for record in records
+        )
+        needs_geoid = bool(levelled) or self._stations.height_is_held()
+        if self._stations.has_geoid and needs_geoid and self._stations.without_geoid:
+            names = self._stations.without_geoid
+            warnings.append(
+                f"{files}: the geoid says nothing of {len(names)} stations, whose heights are taken as above "
+                f"the ellipsoid: {listed(names, SHOWN)}"
+            )
+        if not self._stations.has_geoid and needs_geoid:
             warnings.append(
                 f"{files}: heights above the geoid are taken as above the ellipsoid: no geoid is given "
                 "(--geoid FILE)"
+            )
+        southern = self._stations.without_hemisphere
+        if southern:
+            warnings.append(
+                f"{files}: zones without a hemisphere are taken as south, as DynAdjust does: {len(southern)} "
+                f"stations, {listed(southern, SHOWN)}"
             )
         plumb = sum(self._types[code] for code in PLUMB)
         if plumb and not self._stations.is_deflected:
             warnings.append(
                 f"{files}: {plumb} measurements depend on the plumb line, taken as the normal of the "
-                "ellipsoid: no deflections are given (--geoid FILE)"
+                f"ellipsoid: {self._stations.why_plumb}"
             )
         others = [
             record for record in records if record.code in VECTORS and _is_other(self._stations, record)
@@ -263,21 +283,33 @@ def _derivatives(place: FloatArray) -> FloatArray:
     return np.asarray(np.column_stack(columns))
 
 
-def _place_of(member: Member) -> FloatArray:
-    """Longitude, latitude (rad) and height of a member of a cluster of positions."""
+def _place_of(stations: Stations, record: MeasurementRecord, member: Member) -> FloatArray:
+    """Longitude, latitude (rad) and height above the ellipsoid of a member of a cluster of positions."""
     try:
         latitude, longitude = (radians_of_packed(value) for value in member.values[:2])
     except ValueError as error:
         raise member.place.error(str(error)) from error
-    return np.array([longitude, latitude, member.values[2]])
+    height = member.values[2]
+    if record.system == "LLH":
+        height += float(np.nan_to_num(stations.undulations[_index(stations, member)]))
+    return np.array([longitude, latitude, height])
 
 
-def _geocentric_values(record: MeasurementRecord) -> FloatArray:
+def _index(stations: Stations, member: Member) -> int:
+    """Row of the first point of a member among the stations."""
+    if member.names[0] not in stations.index:
+        raise member.place.error(f"station {quoted(member.names[0])} is in no file of stations")
+    return stations.index[member.names[0]]
+
+
+def _geocentric_values(stations: Stations, record: MeasurementRecord) -> FloatArray:
     """(n, 3) vectors or positions of a record, along geocentric axes."""
-    if record.code == "Y" and record.system == "LLH":
-        return geocentric(np.array([_place_of(member) for member in record.members]))
+    if record.code == "Y" and record.system in GEODETIC:
+        return geocentric(np.array([_place_of(stations, record, member) for member in record.members]))
     if record.code == "Y" and record.system != "XYZ":
-        raise record.place.error(f"{quoted(record.system)!r}: positions are given as XYZ or LLH")
+        raise record.place.error(
+            f"{quoted(record.system)!r}: positions are given as XYZ, {' or '.join(GEODETIC)}"
+        )
     return np.array([member.values for member in record.members])
 
 
@@ -297,7 +329,9 @@ def _values_of(
 
     Records of one frame and epoch go to PROJ together.
     """
-    values = {id(record): _geocentric_values(record) for record in records if record.code in VECTORS}
+    values = {
+        id(record): _geocentric_values(stations, record) for record in records if record.code in VECTORS
+    }
     if ignore_frames:
         return values
     groups: dict[tuple[str, float], list[MeasurementRecord]] = {}
@@ -333,9 +367,4 @@ def _starts(stations: Stations, record: MeasurementRecord) -> FloatArray:
     """(n, 3) where the vectors of a record begin; the centre of the Earth for positions."""
     if record.code == "Y":
         return np.zeros((len(record.members), 3))
-    rows = []
-    for member in record.members:
-        if member.names[0] not in stations.index:
-            raise member.place.error(f"station {quoted(member.names[0])} is in no file of stations")
-        rows.append(stations.index[member.names[0]])
-    return stations.geocentric[rows]
+    return stations.geocentric[[_index(stations, member) for member in record.members]]

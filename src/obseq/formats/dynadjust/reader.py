@@ -14,7 +14,7 @@ from obseq.formats.dynadjust.records import Header
 from obseq.formats.dynadjust.stations import Stations
 from obseq.formats.project import Project
 from obseq.reading.xml import read_xml
-from obseq.shown_units import ShownUnits
+from obseq.records.shown_units import ShownUnits
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -96,7 +96,7 @@ def _project(content: _Content, reading: Reading) -> Project:
     if not header.frame:
         raise InputError(f"{content.files[0]}: the file names no reference frame; add it to its header")
     geoid = None if reading.geoid is None else read_geoid(reading.geoid, reading.encoding)
-    stations = Stations(content.stations, header, geoid, content.files)
+    stations = Stations(content.stations, header, geoid, content.files, "deflections" in reading.ignore)
     book = field_book(stations, content.measurements, "frames" in reading.ignore)
     definition = stations.definition
     points = stations.points()

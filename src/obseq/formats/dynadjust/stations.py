@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.cached import cached_property
 from obseq.crs.frames import geographic_crs
 from obseq.errors import CrsError, InputError
 from obseq.formats.dynadjust.records import radians_of_packed
@@ -34,14 +34,21 @@ class Stations:
         header: Frame and epoch of the network.
         geoid: Geoid heights and deflections; None without.
         files: Names of the files.
+        ignores_deflections: Whether plumb lines are taken as normals of the ellipsoid all the same.
 
     Raises:
         InputError: a station cannot be understood; its line is named.
     """
 
     def __init__(
-        self, records: Sequence[StationRecord], header: Header, geoid: Geoid | None, files: tuple[str, ...]
+        self,
+        records: Sequence[StationRecord],
+        header: Header,
+        geoid: Geoid | None,
+        files: tuple[str, ...],
+        ignores_deflections: bool = False,
     ) -> None:
+        self._ignores = ignores_deflections
         self.header, self.files, self._records, self._geoid = header, files, records, geoid
         self.index: dict[str, int] = {}
         for row, record in enumerate(records):
@@ -98,9 +105,25 @@ class Stations:
         return self._geoid is not None
 
     @property
+    def has_deflections(self) -> bool:
+        """Whether a geoid was given whose deflections count."""
+        return self.has_geoid and not self._ignores
+
+    @property
+    def why_plumb(self) -> str:
+        """Why there are no deflections, in words."""
+        return "as asked for" if self._ignores else "no deflections are given (--geoid FILE)"
+
+    @property
+    def without_geoid(self) -> list[str]:
+        """Names of stations of which the geoid says nothing."""
+        rows = np.flatnonzero(np.isnan(self.undulations)).tolist()
+        return [self._records[row].name for row in rows]
+
+    @property
     def deflections(self) -> FloatArray:
-        """(n, 2) east and north deflections, rad; 0 where unknown."""
-        return np.nan_to_num(self._from_geoid[:, 1:])
+        """(n, 2) east and north deflections, rad; 0 where unknown, or asked to be left out."""
+        return np.nan_to_num(self._from_geoid[:, 1:]) * (0.0 if self._ignores else 1.0)
 
     @cached_property
     def geocentric(self) -> FloatArray:
@@ -138,6 +161,11 @@ class Stations:
             np.array([record.place.line for record in records], np.int32),
         )
 
+    @property
+    def without_hemisphere(self) -> list[str]:
+        """Names of stations whose zone is digits alone, which DynAdjust takes as south."""
+        return [record.name for record in self._records if record.zone.strip().isdecimal()]
+
     def height_is_held(self) -> bool:
         """Whether an orthometric height is held."""
         return any(
@@ -165,9 +193,10 @@ def _of_geocentric(record: StationRecord) -> FloatArray:
 
 
 def _of_grid(record: StationRecord) -> FloatArray:
-    zone = record.zone.strip().upper()
+    written = record.zone.strip().upper()
+    zone = f"S{written}" if written.isdecimal() else written  # as DynAdjust reads digits alone
     if zone[:1] not in ("S", "N") or not zone[1:].isdecimal() or not 1 <= int(zone[1:]) <= 60:
-        raise ValueError(f"{quoted(zone)!r} is not a hemisphere and zone such as S56")
+        raise ValueError(f"{quoted(written)!r} is not a hemisphere and zone such as S56")
     south = " +south" if zone[0] == "S" else ""
     return _from(crs.parse(f"+proj=utm +zone={zone[1:]}{south} +ellps=GRS80 +towgs84=0,0,0"), record)
 

@@ -12,7 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.gama import values
 from obseq.reading.text import quoted
-from obseq.record import UnusedRecord
+from obseq.records.adjustment import UnusedRecord
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ

@@ -17,7 +17,7 @@ from obseq.formats.gama.points import PointTable
 from obseq.formats.levelled_points import with_heights
 from obseq.formats.project import Project, Reading, only_one
 from obseq.reading.xml import Element, read_xml
-from obseq.shown_units import ShownUnits
+from obseq.records.shown_units import ShownUnits
 
 if TYPE_CHECKING:
     from pathlib import Path

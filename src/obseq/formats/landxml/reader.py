@@ -18,6 +18,7 @@ from obseq.formats.landxml.observations import HEIGHTS, SurveyReader
 from obseq.formats.landxml.units import Units, units_of
 from obseq.formats.levelled_points import hold_plans
 from obseq.formats.project import Project, Reading, only_one
+from obseq.formats.stochastic import StochasticModel
 from obseq.reading.xml import Element, read_xml
 from obseq.survey.model import Points, points_of_lines
 
@@ -61,7 +62,17 @@ def read_landxml(paths: tuple[Path, ...], reading: Reading) -> Project:
     points = hold_plans(table.points(root, book), book)
     lengths = np.full(len(points), units.metres)
     system = _system(root)
-    return Project(points, book, None, system, shown=units.shown, units=lengths, is_from_grid_north=True)
+    return Project(
+        points,
+        book,
+        None,
+        system,
+        shown=units.shown,
+        units=lengths,
+        is_from_grid_north=True,
+        stochastic=StochasticModel(reading.sigmas, reading.instruments),
+        centred=tuple(range(len(columns))),
+    )
 
 
 def _system(root: Element) -> str | None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.reading.text import quoted
-from obseq.shown_units import ShownUnits, length_named
+from obseq.records.shown_units import ShownUnits, length_named
 
 if TYPE_CHECKING:
     from obseq.reading.xml import Element

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.formats.fitted import fitted_camera
 from obseq.formats.metashape.document import floats, label_of, number_of
 from obseq.images.camera import Camera
-from obseq.reading.elements import child, problem, text
+from obseq.reading.elements import child, content, problem, text
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -17,11 +18,59 @@ if TYPE_CHECKING:
 
 DEGREE = (3, 1, 1)
 KNOWN = ("f", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2", "b1", "b2")
+OURS = {
+    "f": "F", "fx": "F", "fy": "F", "cx": "PPx", "cy": "PPy", "k1": "K1", "k2": "K2", "k3": "K3", "k4": "K4",
+    "p1": "p1", "p2": "p2", "b1": "b1", "b2": "b2", "skew": "b2",
+}  # fmt: skip
+"""Our names of their parameters."""
+USUAL = ("F", "PPx", "PPy", "K1", "K2", "K3", "p1", "p2")
+"""What Metashape estimates unless it is told otherwise."""
 OLD = ("fx", "fy", "cx", "cy", "skew", "k1", "k2", "k3", "k4", "p1", "p2")
 """Parameters of PhotoScan before 1.3."""
 
 
-def read_sensor(sensor: Element) -> Camera:
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """A sensor as a camera.
+
+    Attributes:
+        number: of the sensor.
+        camera: its camera.
+        unknowns: parameters that were estimated.
+        is_guessed: whether the file says nothing of them.
+    """
+
+    number: str
+    camera: Camera
+    unknowns: tuple[str, ...]
+    is_guessed: bool = False
+
+
+def read_sensor(sensor: Element) -> Sensor:
+    """The camera of a sensor, and what is unknown of it: nothing where it is fixed."""
+    camera, number = _camera(sensor), sensor.attributes.get("id", "")
+    if _property(sensor, "fixed").lower() in ("true", "1"):
+        return Sensor(number, camera, ())
+    holders = [sensor, *sensor.named("calibration")]
+    found = [content(item, "params", "") for holder in holders for item in holder.named("covariance")]
+    if found and found[-1]:
+        names = dict.fromkeys(OURS[word] for word in found[-1].lower().split() if word in OURS)
+        return Sensor(number, camera, tuple(names))
+    calibration = _calibration(sensor)
+    given = {} if calibration is None else _values(calibration)
+    extra = [OURS[word] for word, value in given.items() if value and OURS[word] not in USUAL]
+    return Sensor(number, camera, (*USUAL, *extra), True)
+
+
+def _property(sensor: Element, name: str) -> str:
+    """The value of a property; "" where there is none."""
+    values = {
+        item.attributes.get("name"): item.attributes.get("value", "") for item in sensor.named("property")
+    }
+    return values.get(name, "")
+
+
+def _camera(sensor: Element) -> Camera:
     """The camera of a sensor."""
     name = f"{label_of(sensor)} {sensor.attributes.get('id', '')}".strip()
     kind = sensor.attributes.get("type", "frame")
@@ -33,13 +82,17 @@ def read_sensor(sensor: Element) -> Camera:
     if frame is None:
         raise problem(sensor, "it has no resolution")
     size = (int(number_of(frame, "width")), int(number_of(frame, "height")))
-    calibrations = [item for item in sensor.children if item.name == "calibration"]
-    chosen = {item.attributes.get("class", "initial"): item for item in calibrations}
-    calibration = chosen.get("adjusted", chosen.get("initial"))
+    calibration = _calibration(sensor)
     if calibration is None:
         return _nominal(sensor, name, size)
     values = _values(calibration)
     return _of_photoscan(calibration, name, size, values) if "fx" in values else _brown(name, size, values)
+
+
+def _calibration(sensor: Element) -> Element | None:
+    """The calibration that was adjusted, else the initial one."""
+    chosen = {item.attributes.get("class", "initial"): item for item in sensor.named("calibration")}
+    return chosen.get("adjusted", chosen.get("initial"))
 
 
 def _values(calibration: Element) -> dict[str, float]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.dataclass import dataclass
+from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.formats.metashape.cameras import read_sensor
 from obseq.formats.metashape.document import (
     chunk_of,
@@ -27,7 +28,6 @@ from obseq.formats.metashape.document import (
     read_document,
 )
 from obseq.geometry import closest_rotation
-from obseq.images.bundle import BundleAdjustment
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
@@ -36,6 +36,8 @@ from obseq.reading.origin import Origin
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
+    from obseq.formats.metashape.cameras import Sensor
+    from obseq.images.bundle import BundleAdjustment
     from obseq.images.camera import Camera
     from obseq.reading.elements import Element
 
@@ -91,18 +93,29 @@ def read_metashape(
     root = chunk_of(read_document(Path(path)), chunk)
     markers = {item.attributes.get("id", ""): item for item in items(root, "markers", "marker")}
     world = _world(root, list(markers.values()))
-    block = BundleAdjustment()
-    block.origin = Origin(str(path))
-    sensors = {
-        sensor.attributes.get("id", ""): read_sensor(sensor) for sensor in items(root, "sensors", "sensor")
-    }
-    block.add_cameras(*sensors.values())
-    images = _add_images(block, root, sensors, world)
-    names = {key: label_of(marker) for key, marker in markers.items()}
-    _add_control(block, root, list(markers.values()), world, control_sigma)
-    _add_measures(block, root, images, names, image_sigma)
-    _add_scale_bars(block, root, names)
+    with new_block(path) as block:
+        sensors = [read_sensor(sensor) for sensor in items(root, "sensors", "sensor")]
+        block.add_cameras(*(sensor.camera for sensor in sensors))
+        hold_all_but(block, {sensor.camera.name: sensor.unknowns for sensor in sensors})
+        images = _add_images(block, root, {sensor.number: sensor.camera for sensor in sensors}, world)
+        names = {key: label_of(marker) for key, marker in markers.items()}
+        _add_control(block, root, list(markers.values()), world, control_sigma)
+        _add_measures(block, root, images, names, image_sigma)
+        _add_scale_bars(block, root, names)
+        _note_unknowns(block, sensors)
     return block, world.definition
+
+
+def _note_unknowns(block: BundleAdjustment, sensors: list[Sensor]) -> None:
+    """Says which cameras are fixed, and what is unknown of those of which the file does not say it."""
+    fixed = [sensor.camera.name for sensor in sensors if not sensor.unknowns]
+    note_count(block, fixed, "cameras keep their values: they are fixed")
+    block.notes += [
+        f"camera {sensor.camera.name}: the file does not say what was estimated of it: unknown here are "
+        f"{', '.join(sensor.unknowns)}"
+        for sensor in sensors
+        if sensor.is_guessed
+    ]
 
 
 def _world(root: Element, markers: list[Element]) -> _World:
@@ -162,11 +175,15 @@ def _similarity(transform: Element | None) -> tuple[float, FloatArray, FloatArra
 def _reference(element: Element) -> list[float] | None:
     """Enabled reference coordinates of a marker."""
     reference = child(element, "reference")
-    if reference is None or not {"x", "y", "z"} <= reference.attributes.keys():
-        return None
-    if not is_enabled(reference):
+    if reference is None or not _has_reference(element) or not is_enabled(reference):
         return None
     return [number_of(reference, axis) for axis in "xyz"]
+
+
+def _has_reference(element: Element) -> bool:
+    """Whether a marker has reference coordinates, enabled or not."""
+    reference = child(element, "reference")
+    return reference is not None and {"x", "y", "z"} <= reference.attributes.keys()
 
 
 def _add_images(
@@ -202,27 +219,20 @@ def _names(block: BundleAdjustment, cameras: dict[str, Element]) -> dict[str, st
     labels = {key: label_of(camera) for key, camera in cameras.items()}
     counts = Counter(labels.values())
     twice = sorted(label for label, count in counts.items() if count > 1)
-    if twice:
-        block.notes.append(
-            f"{len(twice)} labels are of several images, which have their numbers too: {twice[0]} ..."
-        )
+    note_count(block, twice, "labels are of several images, which have their numbers too")
     return {key: label if counts[label] == 1 else f"{label} [{key}]" for key, label in labels.items()}
 
 
 def _note_others(block: BundleAdjustment, cameras: dict[str, Element]) -> None:
     """Says which images take no part, and which are placed by another one."""
     disabled = [label_of(camera) for camera in cameras.values() if not is_enabled(camera)]
-    if disabled:
-        block.notes.append(f"{len(disabled)} images are not enabled: {', '.join(disabled[:5])}")
+    note_count(block, disabled, "images are not enabled")
     led = [
         label_of(camera)
         for camera in cameras.values()
         if "master_id" in camera.attributes and child(camera, "transform") is None
     ]
-    if led:
-        block.notes.append(
-            f"{len(led)} images of rigid cameras are placed by their masters, which is not read: {led[0]} ..."
-        )
+    note_count(block, led, "images of rigid cameras are placed by their masters, which is not read")
 
 
 def _setting(root: Element, name: str) -> float | None:
@@ -238,6 +248,8 @@ def _add_control(
 ) -> None:
     names, places, sigmas, lines = [], [], [], []
     default = sigma if sigma is not None else _setting(root, "accuracy_markers")
+    off = [label_of(item) for item in markers if _has_reference(item) and _reference(item) is None]
+    note_count(block, off, "markers are free points: their reference coordinates are not enabled")
     for marker in markers:
         place = _reference(marker)
         if place is None:
@@ -285,18 +297,23 @@ def _add_measures(
     block: BundleAdjustment, root: Element, images: dict[str, str], names: dict[str, str], sigma: float | None
 ) -> None:
     rows: list[tuple[str, str, float, float, int]] = []
-    cameras = {item.attributes.get("id", "") for item in items(root, "cameras", "camera")}
+    cameras = {item.attributes.get("id", ""): label_of(item) for item in items(root, "cameras", "camera")}
+    predicted: list[str] = []
     for frame in items(root, "frames", "frame"):
         for marker in items(frame, "markers", "marker"):
             key = marker.attributes.get("marker_id", "")
             if key not in names:
                 raise problem(marker, f"the marker {key!r} is not in the list of markers")
-            rows += [
-                (image, names[key], number_of(place, "x"), number_of(place, "y"), place.line)
-                for place in marker.children
-                if place.name == "location" and _is_measured(place)
-                if (image := _image(place, cameras, images))
-            ]
+            for place in marker.named("location"):
+                number = place.attributes.get("camera_id", "")
+                if number not in cameras:
+                    raise problem(place, f"the camera {number!r} is not in the list of cameras")
+                if not _is_measured(place):
+                    predicted.append(f"{names[key]} in {cameras[number]}")
+                elif number in images:
+                    xy_of = number_of(place, "x"), number_of(place, "y")
+                    rows.append((images[number], names[key], *xy_of, place.line))
+    note_count(block, predicted, "projections were not measured (not pinned, or not valid) and are left out")
     spread = sigma if sigma is not None else _setting(root, "accuracy_projections")
     if spread is None:
         raise problem(root, "the accuracy of image measures is not said; give an image sigma")
@@ -307,14 +324,6 @@ def _add_measures(
         block.add_measures(points, name="markers", origin=origin)
 
 
-def _image(place: Element, cameras: set[str], images: dict[str, str]) -> str:
-    """The image of a measure; empty where it is not enabled."""
-    key = place.attributes.get("camera_id", "")
-    if key not in cameras:
-        raise problem(place, f"the camera {key!r} is not in the list of cameras")
-    return images.get(key, "")
-
-
 def _is_measured(place: Element) -> bool:
     """Pinned by a person or a detector, and not declared blunder; others are predictions."""
     pinned = place.attributes.get("pinned", "false").lower() in ("true", "1")
@@ -322,11 +331,13 @@ def _is_measured(place: Element) -> bool:
 
 
 def _add_scale_bars(block: BundleAdjustment, root: Element, names: dict[str, str]) -> None:
+    off: list[str] = []
     for bar in items(root, "scalebars", "scalebar"):
         reference = child(bar, "reference")
         if reference is None or "distance" not in reference.attributes:
             continue
         if not is_enabled(reference):
+            off.append(bar.attributes.get("label", bar.attributes.get("id", "")))
             continue
         ends = [bar.attributes.get(key, "") for key in ("marker_1_id", "marker_2_id")]
         ends = ends if all(ends) else [bar.attributes.get(f"{key}_id", "") for key in ("start", "end")]
@@ -334,3 +345,4 @@ def _add_scale_bars(block: BundleAdjustment, root: Element, names: dict[str, str
             raise problem(bar, "its ends are not markers")
         accuracy = number_of(reference, "accuracy", _setting(root, "accuracy_scalebars"))
         block.add_length(names[ends[0]], names[ends[1]], number_of(reference, "distance"), accuracy)
+    note_count(block, off, "scale bars are not enabled")

@@ -23,7 +23,7 @@ IGNORABLE = {
     "after-sigma": "everything after the sigma of an OBS line",
     "relative-sigmas": "relative sigmas of OBS lines",
     "heights": "heights of instrument and target in OBS lines",
-    "deflections": "deflections of the vertical in COR lines",
+    "deflections": "deflections of the vertical in COR lines, or of --geoid for projects",
     "frames": "reference frames and epochs of single observations",
     "reductions": "that observations of LandXML are reduced already (ReducedObservation)",
 }

@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 _MANDATORY = ("N", "X", "Y", "Z")
 _SIGMAS = ("Sx", "Sy", "Sz")
 _KNOWN = (*_MANDATORY, "A", *_SIGMAS, "Sxyz")
-_SKIP, _REST = "?", "Bla"
+_SKIP, _REST = ("?", "S"), "Bla"
 _HELP = (
     "a format is made of N (name), X, Y, Z, and perhaps A (information), Sx Sy Sz or Sxyz (sigmas), "
-    "? (field to skip), Bla at the end (ignore the rest)"
+    "? or S (field to skip), Bla at the end (ignore the rest)"
 )
 
 
@@ -108,9 +108,9 @@ def _parse_format(text: str) -> _Format:
     if takes_rest:
         fields.pop()
     for field in fields:
-        if field != _SKIP and field not in _KNOWN:
+        if field not in _SKIP and field not in _KNOWN:
             raise InputError(f"format {text!r}: unknown field {field}; {_HELP}")
-        if field != _SKIP and fields.count(field) > 1:
+        if field not in _SKIP and fields.count(field) > 1:
             raise InputError(f"format {text!r}: field {field} occurs twice")
     missing = [field for field in _MANDATORY if field not in fields]
     if missing:
@@ -133,6 +133,7 @@ _KINDS = {
     "first_line": WHOLE,
     "last_line": WHOLE | NOTHING,
     "comment": TEXT,
+    "separator": TEXT,
     "skip_repeated": TRUTH,
     "encoding": TEXT,
 }
@@ -169,7 +170,7 @@ def _lines(file: TextFile, options: PointFileOptions) -> list[tuple[int, list[st
             continue
         seen.add(line)
         text = line.partition(options.comment)[0] if options.comment else line
-        fields = [field for field in re.split(r"[\s,]+", text) if field]
+        fields = [field for field in re.split(rf"[\s,{re.escape(options.separator)}]+", text) if field]
         if fields:
             found.append((index, fields))
     return found

@@ -31,6 +31,11 @@ if TYPE_CHECKING:
     from obseq.images.measures import ImagePoints
 
 LETTERS = "NXYZOPKM?"
+NAMED = {
+    "x": "X", "y": "Y", "z": "Z", "omega": "O", "phi": "P", "kappa": "K", "easting": "X", "northing": "Y",
+    "altitude": "Z", "height": "Z",
+}  # fmt: skip
+"""What titles call columns."""
 UNITS = {"degree": np.pi / 180.0, "gon": np.pi / 200.0, "radian": 1.0}
 FLIP = np.array([1.0, -1.0, -1.0])
 FIT = 0.05
@@ -49,7 +54,8 @@ def read_opk(
 
     Args:
         path: a text of one line per image; fields by blanks, commas, semicolons or tabs; lines that begin
-            with # are left out, columns after those that are named too.
+            with # are left out, columns after those that are named too. A first line that names columns
+            (`imageName X Y Z Omega Phi Kappa`) must name those of here.
         columns: `N` name, `X Y Z` centre, `O P K` angles or `M` for nine numbers of a matrix by rows, `?`
             for a column that is skipped.
         unit: of the angles: `degree`, `gon` or `radian`.
@@ -62,11 +68,12 @@ def read_opk(
     wanted = _columns(columns)
     if unit not in UNITS:
         raise InputError(f"unit {unit!r}: angles are in {', '.join(UNITS)}")
-    rows = [
-        _row(path, number, line, wanted)
+    lines = [
+        (number, line)
         for number, line in enumerate(text_of(path).splitlines(), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
+    rows = [_row(path, number, line, wanted) for number, line in _after_title(path, lines, wanted)]
     if not rows:
         raise InputError(f"{path}: holds no pose")
     names, numbers = [name for name, _ in rows], [found for _, found in rows]
@@ -96,8 +103,40 @@ def _columns(text: str) -> str:
     return letters
 
 
+def _after_title(path: str | Path, lines: list[tuple[int, str]], columns: str) -> list[tuple[int, str]]:
+    """The lines after a title, which has no number where numbers belong.
+
+    Raises:
+        InputError: the title names other columns.
+    """
+    words = _words(lines[0][1], _count(columns)) if lines else []
+    fields = list(zip(columns, words, strict=False))
+    if "M" in columns or not words or any(_is_number(word) for letter, word in fields if letter in "XYZOPK"):
+        return lines
+    named = [(letter, NAMED.get(word.lower(), letter)) for letter, word in fields if letter not in "N?"]
+    if any(letter != name for letter, name in named):
+        raise InputError(
+            f"{path}:{lines[0][0]}: the title names the columns {' '.join(words)}, not {columns}: say them "
+            "in this order (--opk-columns)"
+        )
+    return lines[1:]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _count(columns: str) -> int:
+    """How many fields a line has."""
+    return len(columns) + (8 if "M" in columns else 0)
+
+
 def _row(path: str | Path, number: int, line: str, columns: str) -> tuple[str, dict[str, float]]:
-    count = len(columns) + (8 if "M" in columns else 0)
+    count = _count(columns)
     words = _words(line, count)
     if len(words) < count:
         raise InputError(f"{path}:{number}: {len(words)} fields where {columns} are {count}")

@@ -9,6 +9,7 @@ from obseq.dataclass import dataclass
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.default_sigmas import lacking
 from obseq.formats.starnet.values import NOT_MEASURED, Sigma, split_rest
+from obseq.formats.stochastic import NAME_OF
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.model import Orientation
@@ -17,17 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from obseq.formats.starnet.values import Line
+    from obseq.formats.stochastic import Sigmas, StochasticModel
     from obseq.survey.kinds.kind import ObservationKind
 
 FULL_TURN = 2.0 * math.pi
-DEFAULTS = {
-    ANGLE: "angle",
-    AZIM: "azimuth",
-    HZ: "direction",
-    ZEN: "zenith",
-    DIST: "distance",
-    DIST_HZ: "distance",
-}
 KILOMETRE = 1000.0
 SHORT = 10.0
 """Length (m) of a line of levels below which it is likely in kilometres, or a number of turns."""
@@ -48,10 +42,13 @@ class ObservationLines:
 
     Attributes:
         warnings: What has been left out, one sentence each.
+        centred: Rows of observations in whose standard deviations centring is to be.
     """
 
-    def __init__(self, columns: Columns, files: Mapping[str, int], sigmas: Mapping[str, float]) -> None:
-        self._columns, self._files, self._sigmas = columns, files, sigmas
+    def __init__(self, columns: Columns, files: Mapping[str, int], model: StochasticModel) -> None:
+        self._columns, self._files, self._model = columns, files, model
+        self._of: dict[str, Sigmas] = {}
+        self.centred: list[int] = []
         self._set: tuple[str, int] | None = None
         self._plumb: dict[int, int] = {}
         self._leg: _Leg | None = None
@@ -311,7 +308,7 @@ class ObservationLines:
         station = self._plumb.get(origin)
         if station is None:
             station = self._plumb[origin] = self._columns.open_station(origin, Orientation.VERT)
-        self._add(line, ZEN, start, to, min(value, FULL_TURN - value), sigma, heights, station=station)
+        self._add(line, ZEN, start, to, value, sigma, heights, station=station)
 
     def _add(
         self,
@@ -334,6 +331,8 @@ class ObservationLines:
         deviation, relative = self._sigma_parts(line, kind, sigma)
         third = self._row(line, backsight) if backsight else -1
         group = self._columns.instrument(line.options.instrument)
+        if sigma.is_active and (sigma.value is None or (line.options.adds_centring and not sigma.is_fixed)):
+            self.centred.append(len(self._columns))
         measure = Measure(
             kind, origin, target, value, deviation, sigma.is_active, relative, *heights, station, group, third
         )
@@ -345,14 +344,24 @@ class ObservationLines:
             return sigma.value, 0.0
         if not sigma.is_active:
             return 1.0, 0.0
-        name = DEFAULTS.get(kind, "height")
-        return self._default(line, name), self._sigmas.get("distance-ppm", 0.0) if name == "distance" else 0.0
+        name = NAME_OF[kind]
+        relative = self._given(line).get("distance-ppm", 0.0) if name == "distance" else 0.0
+        return self._default(line, name), relative
+
+    def _given(self, line: Line) -> Sigmas:
+        """Standard deviations of the instrument of a line."""
+        name = line.options.instrument
+        found = self._of.get(name)
+        if found is None:
+            found = self._of[name] = self._model.of(name)
+        return found
 
     def _default(self, line: Line, name: str) -> float:
-        problem = lacking(name, self._sigmas)
+        given = self._given(line)
+        problem = lacking(name, given)
         if problem:
             raise line.error(problem)
-        return self._sigmas[name]
+        return given[name]
 
     def _row(self, line: Line, name: str) -> int:
         return self._columns.point(line.file, line.index, name)

@@ -1,7 +1,8 @@
 """Data files of STAR*NET (`.dat`): points, observations, traverses, direction sets and inline options.
 
-Such a file is half of a project: dimension, units and standard errors may stand in the project file, which is
-not read. What the data file does not say itself is asked for (`--sigmas`) or told (metres and degrees).
+Such a file is half of a project: dimension, units and standard errors may stand in the project file
+(`.snproj`, `.prj`). Without that, what the data files do not say is asked for (`--sigmas`) or told (metres
+and degrees).
 """
 
 from __future__ import annotations
@@ -15,9 +16,12 @@ from obseq.formats.levelled_points import hold_plans, with_heights
 from obseq.formats.project import Project, Reading, only_one
 from obseq.formats.starnet.observations import CODES, ObservationLines
 from obseq.formats.starnet.points import PointLines
-from obseq.formats.starnet.values import Line, Options, changed, full_name
+from obseq.formats.starnet.project_file import read_project_file
+from obseq.formats.starnet.values import Line, Options, changed, fields_of, full_name
 from obseq.formats.starnet.vectors import CODES as VECTORS
 from obseq.formats.starnet.vectors import VectorLines
+from obseq.formats.stochastic import StochasticModel
+from obseq.printable import listed
 from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
@@ -26,6 +30,10 @@ if TYPE_CHECKING:
 
     from obseq.reading.text import TextFile
 
+PROJECTS = (".snproj", ".prj")
+"""Suffixes of project files."""
+SHOWN = 5
+"""Names of many that a warning gives."""
 REFUSED = {
     "p": "geographic coordinates need a datum, which such a file does not name; give grid coordinates (C)",
     "ph": "geographic coordinates need a datum, which such a file does not name; give grid coordinates (C)",
@@ -33,49 +41,86 @@ REFUSED = {
     "eh": "ellipsoidal heights need a geoid, which such a file does not name; give elevations (E)",
 }
 """Codes that are known and not read, with the reason."""
-IGNORED_OPTIONS = (".title", ".loststations", ".pswt", ".plot", ".ellipse", ".relative")
+IGNORED_OPTIONS = (
+    ".title",
+    ".loststations",
+    ".pswt",
+    ".plot",
+    ".ellipse",
+    ".relative",
+    ".ptolerance",
+    ".copyexternal",
+)
 """Options that change nothing of an adjustment."""
 
 
 def read_starnet(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads a data file of STAR*NET, with those that it includes.
+    """Reads data files of STAR*NET, one after the other, with those that they include; or a project file.
 
     Args:
-        paths: The file.
-        reading: How to read it; `sigmas` are what stands for missing standard errors.
+        paths: The data files, or the project file.
+        reading: How to read them; `sigmas` are what stands for missing standard errors.
 
     Raises:
         InputError: Naming file and line, what is wrong and what to do.
     """
-    path = only_one(paths)
-    reader = _Reader(Folder(path.parent, reading.encoding, reading.outside), reading)
-    for line in reader.lines(path.name):
-        reader.read(line)
+    if paths[0].suffix.lower() in PROJECTS:
+        return _read_project(only_one(paths), reading)
+    model = StochasticModel(reading.sigmas, reading.instruments)
+    reader = _Reader(Folder(paths[0].parent, reading.encoding, reading.outside), model, Options())
+    reader.has_defaults = bool(reading.sigmas)
+    for path in paths:
+        reader.read_file(path)
     return reader.project()
 
 
+def _read_project(path: Path, reading: Reading) -> Project:
+    """The network of a project file; options of the user go before what it says."""
+    given = read_project_file(path, reading.encoding)
+    own = given.model
+    model = StochasticModel({**own.default, **reading.sigmas}, {**own.instruments, **reading.instruments})
+    reader = _Reader(Folder(path.parent, reading.encoding, reading.outside), model, given.options)
+    reader.has_units = True
+    for name in given.files:
+        reader.read_file(reader.folder.path(name))
+    found = reader.project()
+    told = []
+    if given.others:
+        told.append(f"{path}: {len(given.others)} data files take no part: {listed(given.others, SHOWN)}")
+    if given.grid and given.points_crs is None:
+        told.append(
+            f"{path}: its grid {given.grid} is not known here: give --points-crs, or a plane is taken"
+        )
+    return replace(found, points_crs=given.points_crs or found.points_crs, book=found.book.warned(*told))
+
+
 class _Reader:
-    def __init__(self, folder: Folder, reading: Reading) -> None:
-        self._folder = folder
-        self._options = Options()
+    def __init__(self, folder: Folder, model: StochasticModel, options: Options) -> None:
+        self.folder = folder
+        self._options = options
+        self._model = model
         self._columns = Columns()
         self._files: dict[str, int] = {}
         self._points = PointLines()
-        self._observations = ObservationLines(self._columns, self._files, reading.sigmas)
+        self._observations = ObservationLines(self._columns, self._files, model)
         self._vectors = VectorLines(self._columns, self._files)
-        self._has_defaults = bool(reading.sigmas)
         self._skipped: list[int] = []
-        self._has_units = self._is_over = False
+        self.has_defaults = self.has_units = self._is_over = False
         self._first: TextFile | None = None
 
-    def lines(self, name: str, beside: Path | None = None, depth: int = 0) -> Iterator[Line]:
+    def read_file(self, path: Path) -> None:
+        """Takes all lines of a data file; the options at its end hold in the next one."""
+        self._is_over = False
+        for line in self._lines(path):
+            self.read(line)
+
+    def _lines(self, path: Path, depth: int = 0) -> Iterator[Line]:
         """The lines that hold something, those of included files in place."""
-        path = self._folder.path(name, beside)
-        file = read_text(path, self._folder.encoding)
+        file = read_text(path, self.folder.encoding)
         self._first = self._first or file
         self._files.setdefault(file.name, self._columns.open_file(file))
         for index, text in enumerate(file.lines):
-            fields = tuple(text.partition("#")[0].partition("'")[0].split())
+            fields = fields_of(text.partition("#")[0].partition("'")[0])
             if self._is_over or not fields:
                 continue
             line = Line(file, index, fields, self._options)
@@ -84,7 +129,7 @@ class _Reader:
                     raise line.error(
                         f".INCLUDE names one file, {DEEPEST} levels deep at most; is there a loop?"
                     )
-                yield from self.lines(fields[1], path.parent, depth + 1)
+                yield from self._lines(self.folder.path(fields[1], path.parent), depth + 1)
             else:
                 yield line
 
@@ -111,7 +156,7 @@ class _Reader:
             )
 
     def _read_option(self, line: Line, name: str) -> None:
-        self._has_units |= name == ".units"
+        self.has_units |= name == ".units"
         if name == ".end":
             self._is_over = True
         elif name not in IGNORED_OPTIONS:
@@ -133,7 +178,7 @@ class _Reader:
         book = self._columns.field_book()
         points = self._points.points(self._first.name, book.point_names, is_plane)
         points = with_heights(hold_plans(points, book), book)
-        told = (*self._told(), *self._folder.warnings(), *self._observations.warnings, *book.warnings)
+        told = (*self._told(), *self.folder.warnings(), *self._observations.warnings, *book.warnings)
         refraction = self._options.refraction
         system = "Local" if is_plane else None  # heights can have a place on the Earth, which the user gives
         shown, units = self._options.shown, self._points.units(points.names)
@@ -147,17 +192,19 @@ class _Reader:
             shown=shown,
             units=units,
             is_from_grid_north=True,
+            stochastic=self._model,
+            centred=tuple(self._observations.centred),
         )
 
     def _told(self) -> Iterator[str]:
         name = self._first.name if self._first else ""
-        if not self._has_units:
+        if not self.has_units:
             yield f"{name}: no .UNITS: metres and degrees are taken"
-        named = [group.name for group in self._columns.groups]
-        if named and self._has_defaults:
+        unknown = [g.name for g in self._columns.groups if g.name not in self._model.instruments]
+        if unknown and self.has_defaults:
             yield (
-                f"{name}: instruments ({', '.join(named)}): their standard errors are in the project file, "
-                "which is not read; those of --sigmas are taken for all of them where a line has none"
+                f"{name}: instruments ({', '.join(unknown)}): their standard errors are in the project file; "
+                "those of --sigmas are taken for all of them where a line has none"
             )
         if self._skipped:
             lines = ", ".join(str(line) for line in self._skipped[:8])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.reading.text import quoted
-from obseq.shown_units import ShownUnits, length_named
+from obseq.records.shown_units import ShownUnits, length_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -24,6 +24,8 @@ FREE, FIXED, DEFAULT, NOT_MEASURED = "*", "!", "&", "?"
 MARKS = (FREE, FIXED, DEFAULT)
 HELD_LENGTH, HELD_ANGLE = 1e-6, 1e-9
 """Standard deviations (m, rad) of observations that are fixed (`!`)."""
+_JOINED = re.compile(r"[*!&]{2,}")
+"""Codes of standard errors that are written together."""
 _DASHED = re.compile(r"([+-]?)(\d{1,3})-(\d{1,2})-(\d{1,2}(?:\.\d*)?)", re.ASCII)
 _PACKED = re.compile(r"([+-]?)(\d{1,3})(?:\.(\d*))?", re.ASCII)
 _BEARING = re.compile(r"([NS])(.+)([EW])", re.IGNORECASE)
@@ -46,6 +48,7 @@ class Options:
         instrument: Name of the instrument; empty for none.
         correlations: Whether GNSS vectors have standard errors and correlations, not covariances.
         factor: What the standard errors of GNSS vectors are multiplied by.
+        adds_centring: Whether centring counts for standard errors that stand in lines too.
     """
 
     metres: float = 1.0
@@ -60,11 +63,20 @@ class Options:
     instrument: str = ""
     correlations: bool = False
     factor: float = 1.0
+    adds_centring: bool = False
 
     @property
     def shown(self) -> ShownUnits:
         """Units of reports: those of the file."""
         return ShownUnits(length_named(self.metres), "gon" if self.has_gons else "dms")
+
+
+def fields_of(text: str) -> tuple[str, ...]:
+    """The fields of a line; codes that are written together (`!!*`) are as many fields."""
+    found: list[str] = []
+    for word in text.split():
+        found += word if _JOINED.fullmatch(word) else [word]
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -313,10 +325,23 @@ _CHANGES: dict[str, Callable[[Options, Line, list[str]], Options]] = {
     ".refraction": _refraction,
     ".instrument": _instrument,
     ".gps": _gps,
+    ".addcentering": lambda options, line, rest: replace(options, adds_centring=_switch(line, rest)),
 }
 """What the options change, by their full names."""
 NAMES = (
-    *(".2d", ".3d", *_CHANGES, ".include", ".end", ".title", ".loststations", ".pswt", ".plot", ".alias"),
+    *(
+        ".2d",
+        ".3d",
+        *_CHANGES,
+        ".include",
+        ".end",
+        ".title",
+        ".loststations",
+        ".pswt",
+        ".plot",
+        ".ptolerance",
+        ".alias",
+    ),
     *(".average", ".copyexternal", ".curvature", ".edm", ".elevation", ".ellipse", ".geoid", ".lweight"),
     *(
         ".mapmode",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +9,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.formats.tables.reader import BARYCENTRES, TYPES
 from obseq.reading.text import check_writable
+from obseq.spreadsheets import csv_text
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import GroupKind, Orientation
 
@@ -38,11 +37,7 @@ def table_text(book: FieldBook) -> str:
         raise InputError(
             f"{book.label(int(without[0]))}: a table of observations has no row for this ({words})"
         )
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(HEADER)
-    writer.writerows(_rows(book))
-    return stream.getvalue()
+    return csv_text([HEADER, *_rows(book)])
 
 
 def _rows(book: FieldBook) -> Iterator[tuple[str, ...]]:

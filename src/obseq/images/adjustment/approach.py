@@ -15,6 +15,7 @@ import numpy as np
 from obseq.errors import SingularSystemError
 from obseq.images.adjustment.start import LeftOut, put_points
 from obseq.images.adjustment.verdicts import cameras_refused
+from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import ROUGH
 from obseq.images.names import are_among
 from obseq.images.poses import Poses
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations, MeasureBatch
+    from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.camera import Camera
     from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
 
@@ -84,7 +86,7 @@ def _come_near(equations: Equations, strategy: str, solving: Solving) -> tuple[I
         with suppress(SingularSystemError):  # a point that has run away: it is called back
             result = equations.system.solve(strategy=strategy, **few)
             done += result.iterations
-            if result.converged and _misses(equations)[1].max(initial=0.0) <= ROUGH:
+            if result.converged and not result.weak and _misses(equations)[1].max(initial=0.0) <= ROUGH:
                 break
         before, off = off, _put_again(equations, _are_free(equations))[0]
         if off <= ROUGH or off > NO_MORE * before:
@@ -183,21 +185,35 @@ def _solve_calling_back(
     """The solution, and the points that had to be left out on the way.
 
     A point whose rays are nearly parallel may run away while poses are still rough. It is put back to where
-    its rays meet; those of which even good poses make no point are left out the second time.
+    its rays meet; those of which even good poses make no point are left out the second time. A solution that
+    leaves something weak is better than none.
 
     Raises:
-        SingularSystemError: something else is undetermined.
+        SingularSystemError: something is undetermined from the start.
     """
     lost: tuple[LeftOut, ...] = ()
+    found: LeastSquaresResult | None = None
     for attempt in range(RECALLS):
+        is_last = attempt == RECALLS - 1
         try:
             result = equations.system.solve(strategy=strategy, covariance=covariance, **solving)
         except SingularSystemError:
-            if attempt == RECALLS - 1 or not _has_tie_points(equations):
+            if found is not None:
+                equations.system.unknowns.restore(found.state)
+                return found, lost
+            if is_last or not _has_tie_points(equations):
                 raise
             lost += _call_back(equations, attempt > 0)
             continue
-        if result.converged or attempt == RECALLS - 1 or len(result.iterations) >= solving["max_iterations"]:
+        if is_last or (result.converged and not result.weak):
+            break
+        if result.weak:
+            if not _has_tie_points(equations):
+                break
+            found = result
+            lost += _call_back(equations, attempt > 0)
+            continue
+        if len(result.iterations) >= solving["max_iterations"]:
             break
         _call_back(equations, leave_out=False)
     return result, lost
@@ -261,6 +277,24 @@ def drop_undetermined(equations: Equations) -> tuple[LeftOut, ...]:
         LeftOut("point", start.points[k], reason.format(all_of[k], all_of[k] - kept[k]))
         for k in np.flatnonzero(lost)
     )
+
+
+def taken_in_again(solution: BundleSolution) -> dict[str, FloatArray]:
+    """Where points are whose rays met nowhere at first, and do at the poses that were found."""
+    start = solution.start
+    lost = {item.name for item in start.left_out if item.kind == "point"}
+    found: dict[str, FloatArray] = {}
+    for part in solution.block.sets if lost else ():
+        rays = part.measures.of_points(sorted(lost & {*part.measures.point_names}))
+        if not len(rays):
+            continue
+        cameras = [solution.cameras[name] for name in solution.poses.cameras]
+        met = intersect(rays, solution.poses, cameras)
+        off = np.zeros(len(met.names))
+        np.maximum.at(off, rays.point, np.nan_to_num(np.linalg.norm(met.residuals, axis=1), nan=np.inf))
+        for k in np.flatnonzero(met.is_placed & (off <= ROUGH)):
+            found[met.names[k]] = met.coordinates[k]
+    return found
 
 
 def _switch_off(equations: Equations, points: BoolArray) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.images.adjustment.clinometer_equations import ClinometerEquations
+from obseq.images.adjustment.far_points import viewpoints
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
 from obseq.images.block import expression
 from obseq.images.names import are_among, index_of, no_parameter
@@ -81,6 +82,7 @@ class Equations:
         if block.instruments.inclinations:
             self.clinometers = ClinometerEquations(system, block.instruments, images, poses)
         self._slow()
+        self._see()
         self.eliminated = self._eliminated() if eliminate else self.points[:0]
         if self.eliminated.size:
             system.eliminate(self.eliminated)
@@ -247,6 +249,13 @@ class Equations:
         if observed.rotation_sigma is not None:
             known, sigma = observed.poses.rotations, observed.rotation_sigma
             attach_rotations(self.system, self.rotations[rows], known, sigma, POSES)
+
+    def _see(self) -> None:
+        """Points that nothing but images concerns move in their inverse distance from where they are seen."""
+        free = self.start.is_free.all(axis=1) & ~are_among(self.start.points, self.block.joined_points)
+        if free.any():
+            places = viewpoints(self.start, self.start.poses.centres)
+            self.system.unknowns.see_from(self.points[free], places[free])
 
     def _slow(self) -> None:
         for sigma, ids in zip(self.block.viscosity, (self.centres, self.rotations), strict=True):

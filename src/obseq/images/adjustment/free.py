@@ -2,16 +2,18 @@
 
 First the solution without any datum: damped steps need none, and come home from far. Then a similarity takes
 all of it to where the changes of the datum from the start are least, and what the similarity leaves (where
-lengths, verticals or known places determine some of the seven) is done by steps on the datum.
+lengths, verticals or known places determine some of the seven) is done by steps on the datum. Where these
+fail, the damped solution is what there is, without precisions.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import DivergenceError, InputError, SingularSystemError
 from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end
 from obseq.images.initial.growth import similarity
 from obseq.images.names import index_of
@@ -20,15 +22,18 @@ if TYPE_CHECKING:
     from collections.abc import Sequence, Sized
 
     from obseq.arrays import FloatArray, IntArray
+    from obseq.errors import ObseqError
     from obseq.geometry import RigidMotion
     from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.start import LeftOut
-    from obseq.leastsquares import Iteration, LeastSquaresResult
+    from obseq.leastsquares import Iteration, LeastSquares, LeastSquaresResult
 
 SETTLINGS = 8
 SETTLED = 1e-7
 """Largest change of an unknown, in its unit, that counts as none when a block is put on its datum."""
+HIGHER = 1e-6
+"""Share of a sum of squares by which steps on the datum may end above the damped solution: rounding."""
 
 
 def solve_free(
@@ -51,10 +56,11 @@ def solve_free(
     before, wanted = [system.values(ids) for ids in groups], system.values(chosen)
     done: tuple[Iteration, ...] = ()
     dropped: tuple[LeftOut, ...] = ()
+    damped: LeastSquaresResult | None = None
     if strategy == "levenberg-marquardt":
         done = approach(equations, strategy, solving)
         dropped = drop_undetermined(equations)
-        _, more, lost = solve_to_the_end(equations, strategy, solving, further)
+        damped, more, lost = solve_to_the_end(equations, strategy, solving, further)
         done, dropped = done + more, dropped + lost
     _move_back(equations, chosen, wanted, datum)
     after, found = [system.values(ids) for ids in groups], system.values(chosen)
@@ -64,13 +70,46 @@ def solve_free(
     system.set_datum(chosen, loose=_movements(equations, found) if _floats(equations) else None)
     for ids, values in zip(groups, after, strict=True):
         system.set_values(ids, values)
+    result, more = _on_datum(system, damped, covariance, solving)
+    return result, done + more, dropped
+
+
+def _on_datum(
+    system: LeastSquares, damped: LeastSquaresResult | None, covariance: bool | None, solving: Solving
+) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
+    """The solution on its datum, and the steps to it; the damped one, where these lead nowhere better."""
+    here = system.unknowns.state()
+    try:
+        result, done = _settled(system, covariance, solving)
+    except (InputError, DivergenceError, SingularSystemError) as error:
+        if damped is None:
+            raise
+        why: ObseqError = error
+    else:
+        if damped is None or _is_as_good(result, damped):
+            return result, done
+        why = SingularSystemError("steps on the datum lead away from the solution")
+    system.set_datum(())
+    system.unknowns.restore(here)
+    return replace(damped, state=here, weak=damped.weak or why), ()
+
+
+def _is_as_good(result: LeastSquaresResult, damped: LeastSquaresResult) -> bool:
+    """Whether a solution on its datum is at least what the damped one is."""
+    return result.converged >= damped.converged and result.cost <= (1.0 + HIGHER) * damped.cost
+
+
+def _settled(
+    system: LeastSquares, covariance: bool | None, solving: Solving
+) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
+    done: tuple[Iteration, ...] = ()
     for _ in range(SETTLINGS):
         settled = system.solve(strategy="gauss-newton", **solving).iterations
         done += settled
         if len(settled) == 1 and settled[0].max_step <= SETTLED:
             break
     result = system.solve(strategy="gauss-newton", covariance=covariance, **solving)
-    return result, done + result.iterations, dropped
+    return result, done + result.iterations
 
 
 def datum_blocks(equations: Equations, datum: str | Sequence[str]) -> IntArray:
@@ -83,12 +122,12 @@ def datum_blocks(equations: Equations, datum: str | Sequence[str]) -> IntArray:
 def _move_back(
     equations: Equations, chosen: IntArray, wanted: FloatArray, datum: str | Sequence[str]
 ) -> None:
-    """Moves a block that nothing but lengths ties to the world by the similarity onto its datum."""
+    """Moves a block that nothing but lengths, or a vertical, ties to the world onto its datum."""
     if not _floats(equations):
         return
-    system = equations.system
+    system, axis = equations.system, _axis(equations)
     try:
-        scale, motion = similarity(system.values(chosen), wanted, not _has_scale(equations))
+        scale, motion = similarity(system.values(chosen), wanted, not _has_scale(equations), axis)
     except InputError as error:
         raise InputError(_too_little(datum, str(error))) from None
     for ids in (equations.centres, equations.points):
@@ -104,7 +143,9 @@ def _movements(equations: Equations, places: FloatArray) -> FloatArray:
     """
     arms = places - places.mean(axis=0)
     shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
-    turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
+    axis = _axis(equations)
+    axes = np.eye(3) if axis is None else axis[None]
+    turns = np.cross(axes, arms[:, None]).swapaxes(1, 2)
     sizes = np.zeros((len(arms), 3, 0)) if _has_scale(equations) else arms[:, :, None]
     alone = np.linalg.qr(np.concatenate([shifts, turns, sizes], axis=2).reshape(3 * len(arms), -1))[0]
     mixed = alone - 2.0 * alone.mean(axis=1, keepdims=True)  # reflected: still of length 1, at right angles
@@ -129,17 +170,29 @@ def _turn(equations: Equations, motion: RigidMotion) -> None:
 
 
 def _floats(equations: Equations) -> bool:
-    """Whether a rigid motion of images and points changes no residual, and moves nothing that is held."""
+    """Whether a motion of images and points changes no residual, and moves nothing that is held.
+
+    A rigid one; one that keeps the vertical where clinometers refer to it (`_axis`).
+    """
     block = equations.block
     tied: list[Sized] = [
         block.surveys,
         block.pose_observations,
-        block.instruments.inclinations,
+        block.instruments.inclinations if block.instruments.vertical_is_free else (),
         block.fixed_centres,
         block.fixed_rotations,
         np.flatnonzero(~equations.start.is_free.all(axis=1)),
     ]
     return not any(len(part) for part in tied)
+
+
+def _axis(equations: Equations) -> FloatArray | None:
+    """(3,) the vertical about which alone a block may turn; None where nothing refers to it."""
+    instruments = equations.block.instruments
+    if not instruments.inclinations:
+        return None
+    vertical = np.array(instruments.vertical)
+    return np.asarray(vertical / np.linalg.norm(vertical))
 
 
 def _has_scale(equations: Equations) -> bool:

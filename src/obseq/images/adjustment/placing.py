@@ -19,6 +19,7 @@ from obseq.images.adjustment.odd_control import odd_control
 from obseq.images.adjustment.odd_images import Odd, odd_without
 from obseq.images.adjustment.trials import BAD, Attempts, is_rejected
 from obseq.images.initial.conventions import ALIKE, MOST_PLACED
+from obseq.images.initial.distribution import check_places
 from obseq.images.initial.growth import place_images, place_loosely, place_the_last
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among
@@ -62,7 +63,7 @@ def placed(block: AdjustableBlock, causes: bool = True) -> Poses:
         cause = _of_some(block, growth) if said and causes else ""
     if said:
         likely = f"\nLikely cause: {cause}" if cause else ""
-        raise InputError(f"{block.source}{said}{likely}")
+        raise InputError(f"{block.source}{said}{likely}{_notes(block)}")
     return growth.as_poses()
 
 
@@ -71,10 +72,17 @@ def _grown(block: AdjustableBlock) -> Growth:
     cameras = {image: block.cameras[name] for image, name in block.camera_of.items()}
     measured = set(measures.image_names)
     given = block.poses.select([image for image in block.poses.images if image in measured])
+    known = block.control.select(sorted({*block.control.names} & {*measures.point_names}))
+    check_places(known.coordinates, f"{block.source}the block")
     try:
         return place_images(measures, block.control, cameras, given)
     except InputError as error:
-        raise InputError(f"{block.source}{error}") from None
+        raise InputError(f"{block.source}{error}{_notes(block)}") from None
+
+
+def _notes(block: AdjustableBlock) -> str:
+    """What its files have left to say, which may explain an error."""
+    return "".join(f"\nnote: {note}" for note in block.notes)
 
 
 def _unplaced(growth: Growth) -> str:

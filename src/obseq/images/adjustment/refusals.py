@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from obseq.boundary import Boundary
 from obseq.errors import ObseqError, SingularSystemError
 from obseq.images.adjustment.axes import axes_in_words, exchanged_axes
 from obseq.images.adjustment.causes import common_cause, silent
@@ -36,8 +37,10 @@ def explained(
     try:
         yield
     except (ContradictionError, SingularSystemError) as error:
-        attempts = Attempts(block, given, told or silent, options)
-        if sum(len(part.measures) for part in block.sets) <= MOST_PLACED and (said := _cause(attempts)):
+        attempts, boundary = Attempts(block, given, told or silent, options), Boundary()
+        is_small = sum(len(part.measures) for part in block.sets) <= MOST_PLACED
+        said = boundary.attempt("the search for causes", lambda: _cause(attempts), "") if is_small else ""
+        if said:
             error.args = (f"{error}\nLikely cause: {said}",)
         raise
 

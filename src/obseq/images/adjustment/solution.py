@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
+from obseq.images.adjustment.far_points import are_far
 from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.adjustment.rigid_equations import residuals_of
+from obseq.images.adjustment.weakness import weakness
 from obseq.images.camera import are_in_front
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
@@ -157,6 +159,11 @@ class BundleSolution:
     def converged(self) -> bool:
         """Whether the iterations ended by themselves."""
         return self.result.converged
+
+    @property
+    def weak(self) -> str:
+        """Why there are no precisions, and what is hardly determined; empty where nothing is."""
+        return weakness(self.equations, self.result)
 
     def adjusted_block(self) -> Block:
         """The block at the solution: its cameras, poses, points as approximations, and used measures."""
@@ -343,6 +350,16 @@ class BundleSolution:
         np.maximum.at(largest, owner, found.norms)
         mean = np.column_stack([np.bincount(owner, found.residuals[:, k], n) for k in (0, 1)])
         return Statistics(names, counts, np.sqrt(squares / divisor), largest, mean / divisor[:, None])
+
+    @cached_property
+    def is_far(self) -> BoolArray:
+        """(n,) points whose rays do not tell how far they are, infinity included; none without precisions.
+
+        Where rays spread by less than they are uncertain, such a point is behind all its cameras.
+        """
+        if not self.result.has_covariances:
+            return np.zeros(len(self.points), dtype=bool)
+        return are_far(self.start, self.poses.centres, self.coordinates, self.point_covariances)
 
     @cached_property
     def is_behind(self) -> BoolArray:

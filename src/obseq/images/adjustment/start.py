@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.camera import are_in_front
 from obseq.images.control import GivenComponents
 from obseq.images.initial.intersection import intersect
-from obseq.images.initial.rough import ROUGH, misfit, usual_places
+from obseq.images.initial.rough import ROUGH, distant_places, misfit, usual_places
 from obseq.images.initial.units import unit_of_control
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of, numbered
 from obseq.images.poses import Poses
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.block import Block
@@ -113,10 +113,14 @@ class Start(GivenComponents):
     unmeasured: tuple[LeftOut, ...] = ()
 
 
-def start_of(block: Block) -> Start:
+def start_of(block: Block, places: Mapping[str, FloatArray] | None = None) -> Start:
     """The numbers of a block whose images have poses.
 
     Points that survey observations or lengths join need no ray at all; they may be without coordinates here.
+
+    Args:
+        block: whose images have poses.
+        places: (3,) where points start whose rays do not meet at these poses.
 
     Raises:
         InputError: there are no measures; an image has no pose; a control point is behind a camera.
@@ -141,6 +145,10 @@ def start_of(block: Block) -> Start:
     wanted = ~_have_places(coordinates)
     wanted[list(reasons)] = False
     unplaced, off = put_points(coordinates, wanted, poses, cameras, names, sets)
+    places = places or {}
+    for k in [k for k in unplaced if names[k] in places]:
+        coordinates[k] = places[names[k]]
+        del unplaced[k]
     reasons |= {k: reason for k, reason in unplaced.items() if not fixed[k]}
     start = Start(
         poses,
@@ -310,10 +318,15 @@ def put_points(
     coordinates[wanted] = found.coordinates[wanted]
     lost = wanted & ~found.is_placed
     off = misfit(found)
-    if off > ROUGH:
-        places, needed = usual_places(rays, poses, found)
-        coordinates[wanted & needed] = places[wanted & needed]
-        lost &= ~needed
+    if off <= ROUGH and not lost.any():
+        return {}, off
+    focals = np.array([camera.focal for camera in cameras])
+    is_rough = off > ROUGH
+    places, needed = (
+        usual_places(rays, poses, found) if is_rough else distant_places(rays, poses, focals, found)
+    )
+    coordinates[wanted & needed] = places[wanted & needed]
+    lost &= ~needed
     return {int(k): found.reasons[k] for k in np.flatnonzero(lost)}, off
 
 

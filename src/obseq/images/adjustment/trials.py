@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 from collections import deque
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.hypothesis_tests import global_test

@@ -9,9 +9,9 @@ import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
 from obseq.images.adjustment.start import ContradictionError
+from obseq.images.adjustment.weakness import known_beside_points
 from obseq.images.initial.distribution import check_spread
 from obseq.leastsquares.diagnosis.rejection import is_emptied
-from obseq.leastsquares.diagnosis.singular import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,20 +22,6 @@ if TYPE_CHECKING:
     from obseq.images.block import Block
 
 DATUMS = ("control", "centres", "points", "none")
-LEAST_OF_AN_IMAGE = 3
-"""Points that determine a pose."""
-HINT = (
-    "A block needs a datum: three control points that are not on a line, observed poses, or --datum centres "
-    "(datum='centres')."
-)
-CAMERA_HINT = (
-    "Hold parameters of the camera {} (--freeze '.*', or 'K.|p.|b.'; freeze_parameters), or give more images "
-    "and control points."
-)
-THRESHOLD_HINT = (
-    "All measures of a point may lie beyond the threshold: adjust with an attenuation and no threshold first "
-    "(it weakens large residuals, and leaves none out), then with the threshold from there."
-)
 
 
 def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
@@ -49,7 +35,7 @@ def check_datum(block: Block, start: Start, datum: str | Sequence[str]) -> None:
     if datum != "control" or block.surveys:
         return
     known = start.is_control[:, None] & ~start.is_free
-    others = _known_beside_points(block, start)
+    others = known_beside_points(block, start)
     if int(known.sum()) + others < 7:
         raise InputError(
             f"{block.source}the block has no datum: {int(known.sum()) + others} coordinates of measured "
@@ -113,16 +99,6 @@ def _idle(start: Start) -> str:
     )
 
 
-def _known_beside_points(block: Block, start: Start) -> int:
-    """Equations that say something of position, orientation or scale, those of control points left aside."""
-    images = start.poses.images
-    fixed = [*block.fixed_centres, *block.fixed_rotations]
-    held = 3 * sum(bool(pattern.fullmatch(image)) for pattern in fixed for image in images)
-    observed = 6 * sum(len(part.poses) for part in block.pose_observations)
-    read = sum(len(part.images) for part in block.instruments.inclinations)
-    return held + observed + read + len(block.lengths.values)
-
-
 def check_scale(block: Block, datum: str | Sequence[str]) -> None:
     """Refuses rigid blocks of unknown size without a scale: the world would shrink for their sake."""
     has_scale = datum == "control" or block.lengths.values or block.surveys
@@ -133,32 +109,3 @@ def check_scale(block: Block, datum: str | Sequence[str]) -> None:
                 "the block a scale; add a length, or take the places of the cameras as known (is_fixed) "
                 "or as observed (place_sigmas)"
             )
-
-
-def in_words(block: Block, start: Start, error: SingularSystemError) -> SingularSystemError:
-    """The error of a block whose measures leave unknowns undetermined: which, and what may be wrong."""
-    message = str(error)
-    if error.kernel is not None:
-        names = grouped(error.unknowns)
-        message = f"the observations do not determine {names} (rank deficiency {error.defect})"
-    owners = {name.rpartition(".")[0] for name in error.unknowns}
-    loose = [name for name in block.cameras if name in owners]
-    message = f"{message}\n{_hint(block, start, loose)}"
-    return SingularSystemError(message, error.unknowns, error.defect, error.kernel, error.movements)
-
-
-def _hint(block: Block, start: Start, cameras: Sequence[str]) -> str:
-    """What may be wrong with such a block, where these cameras have parameters among its unknowns."""
-    counts = np.zeros(len(start.poses), dtype=np.int64)
-    for part in start.sets:
-        counts += np.bincount(part.image[part.rows], minlength=len(counts))
-    poor = np.flatnonzero(counts < LEAST_OF_AN_IMAGE)
-    if poor.size:
-        return (
-            f"Image {start.poses.images[poor[0]]}: {counts[poor[0]]} of its points take part, and a pose "
-            f"takes {LEAST_OF_AN_IMAGE} ({poor.size} images have fewer); measure more, or leave it out."
-        )
-    thresholds = [part.weighting for part in block.sets if part.weighting is not None]
-    if any(part.threshold for part in thresholds):
-        return THRESHOLD_HINT
-    return CAMERA_HINT.format(", ".join(cameras)) if cameras else HINT

@@ -8,11 +8,11 @@ linear alteration. Both hold many centres at once: one per row, or one for all r
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:

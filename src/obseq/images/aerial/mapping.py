@@ -6,11 +6,11 @@ but the projection stands between a map and the rays. Longitude comes first, wha
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.errors import CrsError
 from obseq.images.aerial.ellipsoid import Ellipsoid
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.spreadsheets import csv_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -54,12 +53,9 @@ class Table:
 
     def csv(self) -> str:
         """One line per row, after a line of names."""
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(self.columns)
-        for row in zip(*self.columns.values(), strict=True):
-            writer.writerow([_shown(key, value) for key, value in zip(self.columns, row, strict=True)])
-        return out.getvalue()
+        rows = zip(*self.columns.values(), strict=True)
+        shown = ([_shown(key, value) for key, value in zip(self.columns, row, strict=True)] for row in rows)
+        return csv_text([tuple(self.columns), *shown])
 
     def geojson(self, system: MapSystem) -> str:
         """One point feature per row, in WGS 84 as RFC 7946 wants; map coordinates stay properties."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.reading.text import check_file, read_bytes, start_of
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -112,12 +113,11 @@ def _mixed(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArr
 
 
 def _is_ascii_grid(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(64).lstrip().lower().startswith(b"ncols")
+    return start_of(path, 64).lstrip().lower().startswith(b"ncols")
 
 
 def _ascii_terrain(path: Path, height_type: HeightType | None) -> Terrain:
-    lines = path.read_text("latin-1").splitlines()
+    lines = read_bytes(path).decode("latin-1").splitlines()
     header, first = _ascii_header(path, lines)
     shape = (int(header["nrows"]), int(header["ncols"]))
     values = _ascii_values(path, lines[first:], shape)
@@ -172,6 +172,7 @@ def _raster_terrain(path: Path, height_type: HeightType | None) -> Terrain:
             f"{path}: only ESRI ASCII grids are read without rasterio; install it (pip install rasterio)"
         ) from None
     try:
+        check_file(path)
         with rasterio.open(path) as raster:
             place, values = raster.transform, raster.read(1, masked=True)
     except rasterio.errors.RasterioError as error:

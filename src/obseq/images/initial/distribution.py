@@ -110,12 +110,27 @@ def check_spread(points: FloatArray, what: str, names: Sequence[str] = ()) -> No
     """
     linearity, _ = spread_indices(points)
     if not linearity > COLLINEAR:
+        check_places(points, what)
         _refuse_far_one(points, what, names)
         first = ", ".join([*names[:NAMED], "..."] if len(names) > NAMED else names)
         listed = f" ({first})" if names else ""
         raise InputError(
             f"{what}: its {len(points)} control points{listed} are on a line, which leaves the rotation "
             f"about it undetermined; {_remedy(points)}"
+        )
+
+
+def check_places(points: FloatArray, what: str) -> None:
+    """Refuses points (n, 3) that all have one place.
+
+    Raises:
+        InputError: the message begins with `what`.
+    """
+    if len(points) > 1 and not np.ptp(points, axis=0).any():
+        place = ", ".join(f"{value:.10g}" for value in points[0])
+        raise InputError(
+            f"{what}: all its {len(points)} control points have one place ({place}): their coordinates are "
+            "those of a single point, repeated; look for where they were copied or lost"
         )
 
 

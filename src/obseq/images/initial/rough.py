@@ -22,6 +22,8 @@ ROUGH = 10.0
 """Pixels: where half of the rays miss their points by more, the poses are rough."""
 FAR = 3.0
 """Times the usual distance of an image to its points, beyond which a rough point is lost."""
+HORIZON = 100.0
+"""Times the usual distance at which points start that show no parallax, or less than none."""
 
 
 def misfit(found: Intersection) -> float:
@@ -53,6 +55,40 @@ def usual_places(measures: ImagePoints, poses: Poses, found: Intersection) -> tu
     far = np.zeros(n, dtype=bool)
     far[measures.point[reach > FAR * usual]] = True
     return means, (far | ~found.is_placed) & (counts > 1)
+
+
+def distant_places(
+    measures: ImagePoints, poses: Poses, focals: FloatArray, found: Intersection
+) -> tuple[FloatArray, BoolArray]:
+    """Points far away in the mean direction of their rays, and which of those that were not placed fit there.
+
+    Their rays are parallel but for what poses and measures are off by.
+
+    Args:
+        measures: of the points that were intersected.
+        poses: of their images, in their order.
+        focals: (k,) focal length of each image, pixels.
+        found: the intersections.
+
+    Returns:
+        (n, 3) the places, and (n,) whether a point is taken to be there.
+    """
+    n, point, image = len(measures.point_names), measures.point, measures.image
+    formed = np.isfinite(found.directions).all(axis=1) & ~found.is_placed[point]
+    if not formed.any():
+        return found.coordinates, np.zeros(n, dtype=bool)
+    point, image, directions = point[formed], image[formed], found.directions[formed]
+    counts = np.bincount(point, minlength=n)
+    middles = sums_by_owner(poses.centres[image], point, n) / np.maximum(counts, 1)[:, None]
+    means = sums_by_owner(directions, point, n)
+    means /= np.maximum(np.linalg.norm(means, axis=1), np.finfo(float).tiny)[:, None]
+    off = focals[image] * np.linalg.norm(directions - means[point], axis=1)
+    squares = np.bincount(point, off**2, n) / np.maximum(counts, 1)
+    reach = np.linalg.norm(found.coordinates[measures.point] - poses.centres[measures.image], axis=1)
+    known = reach[np.isfinite(reach)]
+    usual = float(np.median(known) if known.size else np.ptp(poses.centres, axis=0).max())
+    fits = (counts > 1) & (np.sqrt(squares) <= max(ROUGH, FAR * misfit(found))) & (usual > 0.0)
+    return middles + HORIZON * usual * means, fits
 
 
 def _medians(values: FloatArray, owner: np.ndarray, n: int) -> FloatArray:

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
-from obseq.images.output.shares import Owners, RejectedShare, rejected_shares
+from obseq.images.output.shares import LARGE, Owners, RejectedShare, rejected_shares
 from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
 from obseq.images.output.testing import BlockReliabilityRecord
-from obseq.plain import from_plain, to_plain
-from obseq.record import IterationRecord, RunRecord
-from obseq.record_quality import GlobalTestRecord
+from obseq.records.adjustment import IterationRecord, RunRecord
+from obseq.records.quality import GlobalTestRecord
+from obseq.records.record import Record, from_plain
 from obseq.report.result_file import read_plain, text_of
 
 if TYPE_CHECKING:
@@ -27,8 +26,7 @@ FORMAT = "obseq-bundle"
 VERSION = 4
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterRecord:
+class ParameterRecord(Record, frozen=True):
     """A camera parameter: value, and standard deviation (0: frozen; None: not asked for)."""
 
     name: str
@@ -36,8 +34,7 @@ class ParameterRecord:
     sigma: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class CameraRecord:
+class CameraRecord(Record, frozen=True):
     """A calibration.
 
     Attributes:
@@ -61,8 +58,7 @@ class CameraRecord:
     undistorted_y: tuple[float | None, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ImageRecord:
+class ImageRecord(Record, frozen=True):
     """A pose and how its measures fit.
 
     Attributes:
@@ -87,8 +83,7 @@ class ImageRecord:
     mean_dy: float
 
 
-@dataclass(frozen=True, slots=True)
-class BlockPointRecord:
+class BlockPointRecord(Record, frozen=True):
     """A point: kind is `control` or `tie`; `residual` is adjusted minus given, of control points.
 
     Attributes:
@@ -106,8 +101,7 @@ class BlockPointRecord:
     residual: tuple[float, ...] | None
 
 
-@dataclass(frozen=True, slots=True)
-class ImagePointRecord:
+class ImagePointRecord(Record, frozen=True):
     """An image point, its residual (computed minus measured, pixels), and what robust weights left of it."""
 
     image: str
@@ -119,8 +113,7 @@ class ImagePointRecord:
     weight: float
 
 
-@dataclass(frozen=True, slots=True)
-class ResidualColumns:
+class ResidualColumns(Record, frozen=True):
     """All image points that were adjusted, by columns.
 
     Attributes:
@@ -143,8 +136,7 @@ class ResidualColumns:
     weight: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class BlockLeftOutRecord:
+class BlockLeftOutRecord(Record, frozen=True):
     """Something that took no part."""
 
     kind: str
@@ -152,8 +144,7 @@ class BlockLeftOutRecord:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class BundleRecord:
+class BundleRecord(Record, frozen=True, omit_defaults=False):
     """A whole bundle adjustment.
 
     Attributes:
@@ -162,13 +153,16 @@ class BundleRecord:
         stopped: why the iterations ended.
         unpaired: exposures of rigid blocks that lack an image; what there is of them took part.
         notes: what a file held and nothing here uses.
-        behind: image points whose point is behind the camera in the end.
+        behind: image points whose point is behind the camera in the end, and not far.
         worst: the largest residuals, in sigmas.
         residuals: of all image points.
         reliability: None when no precision was asked for, or without redundancy.
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
         unmeasured: control points that are in no image: they change nothing.
         cause: what is wrong with the whole block, when that was found; else empty.
+        weak: what the observations hardly determine, so that there are no precisions; else empty.
+        failures: what should explain the result, and failed: nobody has looked.
+        far: points whose rays do not tell how far they are; they may be behind their cameras.
     """
 
     n_observations: int
@@ -197,14 +191,22 @@ class BundleRecord:
     global_test: GlobalTestRecord | None = None
     unmeasured: tuple[BlockLeftOutRecord, ...] = ()
     cause: str = ""
+    weak: str = ""
+    failures: tuple[str, ...] = ()
+    far: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = VERSION
 
     @property
     def is_complete(self) -> bool:
-        """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong."""
-        is_clean = not (self.left_out or self.behind or self.suspects or self.cause)
-        return self.converged and is_clean and not self.rejected_shares
+        """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong.
+
+        A few points that are far are as they should be; where half of all are, the block is not determined.
+        """
+        is_clean = not (self.left_out or self.behind or self.suspects or self.cause or self.weak)
+        is_determined = len(self.far) < LARGE * max(len(self.points), 1)
+        is_known = is_determined and not self.failures
+        return self.converged and is_clean and is_known and not self.rejected_shares
 
     @property
     def rejected_shares(self) -> tuple[RejectedShare, ...]:
@@ -227,7 +229,7 @@ class BundleRecord:
 
     def to_json(self) -> str:
         """The text of the result file."""
-        return text_of(to_plain(self))
+        return text_of(self)
 
 
 def is_block(plain: object) -> bool:

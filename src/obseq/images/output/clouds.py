@@ -90,12 +90,12 @@ def camera_table(solution: BundleSolution) -> str:
     return table_text((*CAMERA_COLUMNS, *names), rows)
 
 
-def point_table(solution: BundleSolution, precisions: bool = True) -> str:
-    """Points with their standard deviations (0 without precisions), and the number of their rays."""
-    sigmas = np.zeros_like(solution.coordinates)
-    if precisions:
-        sigmas = np.sqrt(np.diagonal(solution.point_covariances, axis1=1, axis2=2))
-    values = np.hstack([solution.coordinates, sigmas]).tolist()
-    counts = solution.by_point().counts.tolist()
+def point_table(solution: BundleSolution) -> str:
+    """Points with their standard deviations, where there are any, and the number of their rays."""
+    parts, names = [solution.coordinates], ["x", "y", "z"]
+    if solution.result.has_covariances:
+        parts.append(np.sqrt(np.diagonal(solution.point_covariances, axis1=1, axis2=2)))
+        names += ["sx", "sy", "sz"]
+    counts, values = solution.by_point().counts.tolist(), np.hstack(parts).tolist()
     rows = [(name, *row, n) for name, row, n in zip(solution.points, values, counts, strict=True)]
-    return table_text(("point", "x", "y", "z", "sx", "sy", "sz", "rays"), rows)
+    return table_text(("point", *names, "rays"), rows)

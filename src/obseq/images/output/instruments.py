@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.dataclass import dataclass
+from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
 
 
-@dataclass(frozen=True)
-class PlaceRecord:
+class PlaceRecord(Record, frozen=True):
     """The place of a camera in its rigid block.
 
     Attributes:
@@ -30,8 +29,7 @@ class PlaceRecord:
     sigmas: tuple[float, ...] | None
 
 
-@dataclass(frozen=True)
-class ExposureRecord:
+class ExposureRecord(Record, frozen=True):
     """How two cameras stood to each other at an exposure, minus their places, in the frame of the first."""
 
     first: str
@@ -43,8 +41,7 @@ class ExposureRecord:
     sigma_rotation: float
 
 
-@dataclass(frozen=True)
-class PairRecord:
+class PairRecord(Record, frozen=True):
     """A pair of cameras over all exposures: quadratic means per coordinate."""
 
     first: str
@@ -53,8 +50,7 @@ class PairRecord:
     rms_rotation: float
 
 
-@dataclass(frozen=True)
-class RigidRecord:
+class RigidRecord(Record, frozen=True):
     """An adjusted rigid block."""
 
     name: str
@@ -64,8 +60,7 @@ class RigidRecord:
     exposures: tuple[ExposureRecord, ...]
 
 
-@dataclass(frozen=True)
-class ClinometerRecord:
+class ClinometerRecord(Record, frozen=True):
     """An adjusted clinometer.
 
     Attributes:

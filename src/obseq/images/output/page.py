@@ -79,11 +79,13 @@ def _facts(record: BundleRecord) -> str:
         f"sigma0 {sigma0}; {state} after {len(record.iterations)} iterations",
         f"{record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
         f"precisions {record.precision}",
+        _bad(f"WEAK, without precisions: {record.weak}" if record.weak else ""),
         _bad(tested(record).strip()) if is_rejected else escaped(tested(record).strip()),
         f"weighted sums of squares: {squares}",
         f"{len(record.left_out)} things left out, {len(record.unmeasured)} control points in no image, "
         f"{record.weakened} image points with less than half of their weight, {len(record.behind)} behind "
         "their camera (at the end of this page)",
+        *(_bad(f"Warning: {failure}") for failure in record.failures),
         *(f"note: {escaped(note)}" for note in record.notes),
         f"run {escaped(record.run.identifier)}, format {record.format} {record.version}",
     ]

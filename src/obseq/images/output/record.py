@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.boundary import Boundary
 from obseq.images.adjustment.trials import has_robust_weights
 from obseq.images.output.block_record import (
     BlockLeftOutRecord,
@@ -20,32 +21,42 @@ from obseq.images.output.block_record import (
 from obseq.images.output.drawings import grid_of
 from obseq.images.output.instruments import clinometer_records, rigid_records
 from obseq.images.output.testing import reliability_record
-from obseq.record import IterationRecord, new_run
+from obseq.records.adjustment import IterationRecord, new_run
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import LeftOut
     from obseq.images.camera import Camera
-    from obseq.record_quality import GlobalTestRecord
+    from obseq.records.quality import GlobalTestRecord
 
 WORST = 20
 """Image points with the largest residuals that the record lists by name."""
 
 
-def record_of(solution: BundleSolution, precisions: bool = True, cause: str = "") -> BundleRecord:
+def record_of(
+    solution: BundleSolution, precisions: bool = True, cause: str = "", failures: Sequence[str] = ()
+) -> BundleRecord:
     """The record of a solution.
 
     Args:
         solution: of the block.
         precisions: False when its covariances were not asked for.
         cause: what is wrong with the whole block (see `common_cause`).
+        failures: what should explain the solution, and failed.
     """
-    result = solution.result
+    result, boundary = solution.result, Boundary()
+    precisions = precisions and result.weak is None
+    far = solution.is_far if precisions else np.zeros(len(solution.points), dtype=bool)
     order = np.argsort(-_normalised(solution))[:WORST]
+    reliability = None
+    if precisions and result.redundancy:
+        reliability = boundary.attempt(
+            "the tests of image points", lambda: reliability_record(solution), None
+        )
     return BundleRecord(
         result.n_observations + result.n_constraints,
         result.n_unknowns,
@@ -62,17 +73,20 @@ def record_of(solution: BundleSolution, precisions: bool = True, cause: str = ""
         _left_out(solution.left_out),
         _left_out(solution.unpaired),
         tuple(solution.block.notes),
-        tuple(_image_points(solution, np.flatnonzero(solution.is_behind))),
+        tuple(_image_points(solution, np.flatnonzero(solution.is_behind & ~far[solution.residuals.point]))),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
         tuple(_image_points(solution, order)),
         _residuals(solution),
-        reliability_record(solution) if precisions and result.redundancy else None,
+        reliability,
         tuple(rigid_records(solution, precisions)),
         tuple(clinometer_records(solution)),
         new_run(),
         _global_test(solution),
         _left_out(solution.start.unmeasured),
         cause,
+        solution.weak,
+        (*failures, *boundary.failures),
+        tuple(solution.points[row] for row in np.flatnonzero(far)),
     )
 
 

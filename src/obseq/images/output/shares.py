@@ -1,4 +1,4 @@
-"""Blocks, images and points of which so many measures are rejected that the result is not to be trusted."""
+"""Blocks, images and points of which so many measures are rejected that they are not to be trusted."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.dataclass import dataclass
+from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,10 +22,17 @@ WEAK = 0.1
 """A robust weight below which a measure is rejected: its test is that of what is left of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class RejectedShare:
-    """How many of the coordinates of something are rejected: of the block, an image, or a point."""
+class RejectedShare(Record, frozen=True):
+    """How many of the coordinates of something are rejected.
 
+    Attributes:
+        kind: `block`, `image` or `point`.
+        name: what it is, in words.
+        rejected: its coordinates that are rejected.
+        tested: its coordinates that are tested.
+    """
+
+    kind: str
     name: str
     rejected: int
     tested: int
@@ -68,7 +75,7 @@ def rejected_shares(
     weak = np.broadcast_to((np.array(weights) < WEAK)[:, None], w.shape)
     n, n_rejected = int(counts.sum()), int((weak & counts if is_robust else sizes > tests.critical).sum())
     if n and n_rejected >= LARGE * n:
-        return (RejectedShare("the block", n_rejected, n),)
+        return (RejectedShare("block", "the block", n_rejected, n),)
     rejected = weak if is_robust else sizes > tests.critical * spread
     return tuple(share for part in owners for share in _large(part, counts, rejected & counts))
 
@@ -79,7 +86,8 @@ def _large(owners: Owners, counts: BoolArray, rejected: BoolArray) -> Iterator[R
     share = beyond / np.maximum(tested, 1)
     rows = np.flatnonzero((tested >= LEAST[owners.kind]) & (share >= LARGE))
     for row in rows[np.argsort(-share[rows], kind="stable")].tolist():
-        yield RejectedShare(f"{owners.kind} {owners.names[row]}", int(beyond[row]), int(tested[row]))
+        name = f"{owners.kind} {owners.names[row]}"
+        yield RejectedShare(owners.kind, name, int(beyond[row]), int(tested[row]))
 
 
 def _sums(owners: Owners, marks: BoolArray) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
 from obseq.printable import printable
 
@@ -36,6 +37,7 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
         _list("Left out", record.left_out),
         _list("Control points that change nothing", record.unmeasured),
         _list("Not in pairs of their rigid blocks", record.unpaired),
+        "".join(f"Warning: {failure}\n" for failure in record.failures),
         "".join(f"note: {note}\n" for note in record.notes),
         _tests(record.reliability),
         _worst(record),
@@ -69,13 +71,22 @@ def suspected(record: BundleRecord) -> str:
 
 
 def _distrusted(record: BundleRecord) -> str:
-    """Of what so much is rejected that the result is not to be trusted, though nothing single stands out."""
+    """Of what so much is rejected that it is not to be trusted, though nothing single stands out.
+
+    That is the whole result where half of the block, of its images or of its points are such.
+    """
     shares = record.rejected_shares
     if not shares:
         return ""
     listed = first_of([share.text for share in shares])
+    whole = {"block": 1, "image": len(record.images), "point": len(record.points)}
+    counts = {kind: sum(share.kind == kind for share in shares) for kind in whole}
+    few = [f"{count} of {whole[kind]} {kind}s" for kind, count in counts.items() if count]
+    is_all = any(count >= LARGE * whole[kind] for kind, count in counts.items())
+    verb = "is" if sum(counts.values()) == 1 else "are"
+    what = "the result is" if is_all else f"{' and '.join(few)} {verb}"
     return (
-        f"the result is not to be trusted: half of the image coordinates or more are rejected of {listed}; "
+        f"{what} not to be trusted: half of the image coordinates or more are rejected of {listed}; "
         "look for a cause that they share (axes of pixels, names of points or images, camera, pose), or for "
         "sigmas that are too small"
     )
@@ -102,13 +113,23 @@ def _verdict(record: BundleRecord) -> str:
         f"  {record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
         f"precisions {record.precision}",
     ]
+    if record.weak:
+        lines.append(f"  WEAK, without precisions: {record.weak}")
     lines.append(tested(record))
     if record.weakened:
         lines.append(f"  {record.weakened} image points have less than half of their weight")
     if record.reliability is not None:
         lines.append(_reliability(record.reliability))
     if record.behind:
-        lines.append(f"  {len(record.behind)} image points are BEHIND their camera in the solution")
+        names = list(dict.fromkeys(item.point for item in record.behind))
+        lines.append(
+            f"  {len(record.behind)} image points are BEHIND their camera in the solution: {first_of(names)}"
+        )
+    if record.far:
+        lines.append(
+            f"  {len(record.far)} points are too far for their distance to be determined, only their "
+            f"direction is: {first_of(record.far)}"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -131,7 +152,7 @@ def tested(record: BundleRecord) -> str:
 def _untested(record: BundleRecord) -> str:
     """Why sigma0 is not tested, and what says in its place whether the sigmas are right."""
     if record.redundancy <= 0:
-        return "no redundancy"
+        return "no redundancy, nothing checks the result"
     spread = None if record.suspicion is None else record.suspicion.spread
     if spread is None:
         return "robust weights"

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.dataclass import dataclass
 from obseq.images.adjustment.equation_names import EquationNames
 from obseq.images.adjustment.trials import has_robust_weights
 from obseq.leastsquares.statistics.hypothesis_tests import (
@@ -15,6 +14,7 @@ from obseq.leastsquares.statistics.hypothesis_tests import (
     robust_spread,
     scaled_by_others,
 )
+from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -37,8 +37,7 @@ Half of it is the logarithm of the ratio of their likelihoods.
 """
 
 
-@dataclass(frozen=True, slots=True)
-class StandardisedRecord:
+class StandardisedRecord(Record, frozen=True, omit_defaults=False):
     """The test of one equation: a coordinate of an image point or of a control point, a length, ...
 
     Attributes:
@@ -67,8 +66,7 @@ class StandardisedRecord:
         return f"{self.name}{size}, w {abs(self.w):.1f}"
 
 
-@dataclass(frozen=True, slots=True)
-class LargestTestsRecord:
+class LargestTestsRecord(Record, frozen=True, omit_defaults=False):
     """Which observations are suspected to be gross errors.
 
     A gross error that has its full weight spoils the tests of others: the largest alone is suspected then.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.dataclass import dataclass
 from obseq.images.output.suspicion import LargestTestsRecord, largest_tests
+from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -23,8 +23,7 @@ POOR = 0.1
 Pair = tuple[float | None, float | None]
 
 
-@dataclass(frozen=True, slots=True)
-class TestedPointRecord:
+class TestedPointRecord(Record, frozen=True):
     """The test of an image point; each pair is x, then y, and None where nothing controls it.
 
     Attributes:
@@ -42,8 +41,7 @@ class TestedPointRecord:
     blunder: Pair
 
 
-@dataclass(frozen=True, slots=True)
-class TestColumns:
+class TestColumns(Record, frozen=True):
     """The tests of all image points, in the rows of the residuals of the record.
 
     Attributes:
@@ -60,8 +58,7 @@ class TestColumns:
     detectable_y: tuple[float | None, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class BlockReliabilityRecord:
+class BlockReliabilityRecord(Record, frozen=True):
     """The reliability of the image points of a block.
 
     Attributes:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.errors import DivergenceError
 from obseq.leastsquares.assembly.at_once import BatchesAtOnce, is_short, present_values
 from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows

@@ -73,24 +73,23 @@ def solve_in_blocks(
     hold; where it does, `LeastSquares.solve` is faster. docs/scaling.md has the method and measurements.
 
     Args:
-        system: points and other unknowns, observations by formulas of the catalogue, priors.
+        system: points and other unknowns, observations by formulas and linear rows, priors.
         depth: how often the area is halved.
         executor: gives work to others: anything with `submit(function, *arguments)` that returns something
             with `result()`, such as a pool of `concurrent.futures` or a `distributed.Client`; None to do it
-            here. A worker keeps the leaves that it has built, and builds those that it is asked for anew.
+            here. A worker keeps nothing: any of them can do any task, twice if one is lost.
         max_iterations: no more iterations than this.
         tolerance: the iterations end when no unknown moves by more than this share of its standard deviation.
-        folder: where the parts are written, which the workers read; a temporary one by default.
+        folder: where a folder of this run is made and removed at the end, which all workers read and write;
+            that of temporary files by default. Another run, after a killed one too, has another folder.
 
     Raises:
         InputError: the system has what cannot be cut (see `cutting.cut`).
         SingularSystemError: the observations do not determine some unknowns.
     """
     parts = cut(system, depth)
-    if folder is not None:
-        return _solve(system, parts, executor, max_iterations, tolerance, Path(folder))
-    with tempfile.TemporaryDirectory() as temporary:
-        return _solve(system, parts, executor, max_iterations, tolerance, Path(temporary))
+    with tempfile.TemporaryDirectory(prefix="obseq-blocks-", dir=folder) as of_this_run:
+        return _solve(system, parts, executor, max_iterations, tolerance, Path(of_this_run))
 
 
 def _solve(

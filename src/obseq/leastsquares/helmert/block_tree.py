@@ -9,7 +9,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_triangular
 
 from obseq.dataclass import dataclass
 from obseq.errors import SingularSystemError
-from obseq.leastsquares.helmert.leaves import Answers, Reduced, forget, leaf_answers, leaf_up
+from obseq.leastsquares.helmert.leaves import Answers, Reduced, leaf_answers, leaf_up
 from obseq.leastsquares.solvers.blas import one_blas_thread
 
 if TYPE_CHECKING:
@@ -134,17 +134,14 @@ class Tree:
             moves.append(steps[len(self._files) + k])
 
     def answers(self) -> list[Answers]:
-        """Values and variances of each leaf, after `up`; the workers forget the leaves."""
+        """Values and variances of each leaf, after `up`."""
         with one_blas_thread():
             given = self._down(lambda front, outer: front.inverse(outer), np.zeros((0, 0)))
         sent = [
             self._executor.submit(leaf_answers, file, moves, given[len(self._files) + k])
             for k, (file, moves) in enumerate(zip(self._files, self._moves, strict=True))
         ]
-        found = [future.result() for future in sent]
-        for future in [self._executor.submit(forget, file) for file in self._files]:
-            future.result()
-        return found
+        return [future.result() for future in sent]
 
     @property
     def separators(self) -> list[int]:

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.leastsquares.helmert.leaves import Given
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.manifolds import Manifold
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.system import LeastSquares
 
-Given = tuple["IntArray", "FloatArray", "FloatArray"]
+Known = tuple["IntArray", "FloatArray", "FloatArray"]
 
 
 def halved(places: FloatArray, depth: int) -> IntArray:
@@ -72,8 +73,8 @@ def cut(system: LeastSquares, depth: int) -> Cut:
     """The parts of a system, 2 to the power of a depth.
 
     Raises:
-        InputError: the system has what cannot be cut: constraints, losses, correlations, other than formulas
-            by name; or too few points for so many parts.
+        InputError: the system has what cannot be cut: constraints, losses, correlations; or too few points
+            for so many parts.
     """
     _refuse(system)
     cutting = _Cutting(system, depth)
@@ -141,24 +142,22 @@ class _Cutting:
             for size in np.unique(self.table.size[mine]).tolist():
                 yield mine[self.table.size[mine] == size]
 
-    def _batches(
-        self, leaf: int, local: IntArray
-    ) -> Iterator[tuple[str, dict[str, IntArray], FloatArray, FloatArray]]:
+    def _batches(self, leaf: int, local: IntArray) -> Iterator[Given]:
         for batch, of_row in zip(self.batches, self.of_batch, strict=True):
             rows = np.flatnonzero((of_row == leaf) & batch.active)
             if rows.size:
                 arguments = zip(batch.shape.roles, batch.blocks, strict=True)
                 given = {role.name: local[ids[rows]] for role, ids in arguments}
-                yield batch.name, given, batch.observations[rows], batch.sigmas[rows]
+                yield batch.shape.formula, given, np.array(batch.observations[rows]), batch.sigmas[rows]
 
-    def _priors(self, leaf: int, local: IntArray) -> Iterator[Given]:
+    def _priors(self, leaf: int, local: IntArray) -> Iterator[Known]:
         for prior in self.priors:
             blocks = self.of_scalar[prior.scalars]
             rows = np.flatnonzero(self.leaf_of[blocks] == leaf)
             if rows.size:
                 yield self._prior(prior, rows, local)
 
-    def _prior(self, prior: Prior, rows: IntArray, local: IntArray) -> Given:
+    def _prior(self, prior: Prior, rows: IntArray, local: IntArray) -> Known:
         """Some of the scalars of a prior, one by one; the other components of their blocks are left out."""
         blocks, scalars = self.of_scalar[prior.scalars[rows]], prior.scalars[rows]
         shape = len(rows), int(self.table.size[blocks[0]])
@@ -172,9 +171,6 @@ def _refuse(system: LeastSquares) -> None:
     """Raises InputError for what parts of a system would not say."""
     if system.constraints or system.viscosities or system.datum.scalars.size:
         raise InputError("Helmert blocks: hard constraints, viscosities and a datum cannot be cut into parts")
-    from obseq.kernels import load
-
     for batch in system.batches:
         if batch.loss is not None or batch.is_correlated or batch.clusters is not None:
             raise InputError(f"Helmert blocks: {batch.name} has a loss or covariances, which cannot be cut")
-        load(batch.name)  # raises FormulaError for one that workers would not know

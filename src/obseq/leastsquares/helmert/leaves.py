@@ -1,12 +1,17 @@
-"""The leaves of a network adjusted in Helmert blocks: what a worker keeps, and answers.
+"""The leaves of a network adjusted in Helmert blocks: what a worker makes of them, and answers.
 
-Functions of an imported module: what a worker keeps lasts from one task to the next.
+A worker keeps nothing. A leaf is a file beside that of its part, after each move of its junction another one:
+whoever gets the next task reads it, and builds the leaf anew from its part where it is lost. A task that is
+done twice gives the same twice.
 """
 
 from __future__ import annotations
 
+import os
 import pickle
+from contextlib import suppress
 from pathlib import Path
+from tempfile import mkstemp
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +25,13 @@ from obseq.leastsquares.system import LeastSquares
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.kernels.loading import Kernel
+    from obseq.leastsquares.assembly.linearisation import Linearisation
     from obseq.leastsquares.problem.manifolds import Manifold
+    from obseq.leastsquares.problem.unknowns import State
+
+    Given = tuple[Kernel | None, dict[str, IntArray], FloatArray, FloatArray]
+    Kept = tuple[State, SupernodalCholesky, Linearisation, int, float]
 
 
 @dataclass(frozen=True)
@@ -30,7 +41,7 @@ class Part:
     Attributes:
         unknowns: of each kind, the blocks' numbers in the whole network, names and values.
         frozen: (n_scalars,) unknowns that keep their value.
-        batches: formula, blocks by argument, observations, sigmas.
+        batches: formula (None for linear rows), blocks by argument, observations, sigmas.
         priors: blocks, values, sigmas.
         numbers: (n_scalars,) number of each unknown in the whole network, -1 where frozen.
         junction: (n_scalars,) True for unknowns that other leaves have as well.
@@ -38,7 +49,7 @@ class Part:
 
     unknowns: tuple[tuple[Manifold, IntArray, list[str], FloatArray], ...]
     frozen: BoolArray
-    batches: tuple[tuple[str, dict[str, IntArray], FloatArray, FloatArray], ...]
+    batches: tuple[Given, ...]
     priors: tuple[tuple[IntArray, FloatArray, FloatArray], ...]
     numbers: IntArray
     junction: BoolArray
@@ -54,25 +65,27 @@ class Leaf:
         decrease: of the last move, -g'x: summed over all leaves, the square of the step in its own metric.
     """
 
-    def __init__(self, part: Part) -> None:
-        self.system = LeastSquares()
-        self._blocks: list[tuple[IntArray, IntArray]] = []
-        for manifold, blocks, names, values in part.unknowns:
-            self._blocks.append((blocks, self.system.unknowns.add(manifold, names, values)))
-        self.system.unknowns.frozen[:] = part.frozen
-        for formula, arguments, observations, sigmas in part.batches:
-            self.system.add(formula, arguments, observations, sigmas)
-        for ids, values, sigmas in part.priors:
-            self.system.add_prior(ids, values, sigmas)
+    def __init__(self, part: Part, kept: Kept | None = None) -> None:
+        self._part = part
+        self.system, self._blocks = _system(part)
         self.equations = self.system.equations()
         scalars = self.equations.free.scalars
         self.numbers = part.numbers[scalars]
         last = np.flatnonzero(part.junction[scalars])
         self.boundary = self.numbers[last]
-        self.solver = SupernodalCholesky(last=last)
-        self.solver.analyse(self.equations.pattern)
-        self.moves_done, self.decrease = 0, 0.0
-        self._linearise()
+        if kept is None:
+            self.solver = SupernodalCholesky(last=last)
+            self.solver.analyse(self.equations.pattern)
+            self.moves_done, self.decrease = 0, 0.0
+            self._linearise()
+        else:
+            values, self.solver, self.linearisation, self.moves_done, self.decrease = kept
+            self.system.unknowns.restore(values)
+
+    def __reduce__(self) -> tuple[type[Leaf], tuple[Part, Kept]]:
+        """Its part, and what its moves and its solver came to."""
+        state = self.system.unknowns.state()
+        return Leaf, (self._part, (state, self.solver, self.linearisation, self.moves_done, self.decrease))
 
     def _linearise(self) -> None:
         """Assembles at the present unknowns, and eliminates all but the junction."""
@@ -96,18 +109,72 @@ class Leaf:
         return [(blocks, self.system.values(ids)) for blocks, ids in self._blocks]
 
 
-LEAVES: dict[str, Leaf] = {}
-"""The leaves that this worker has built, by the file of their part."""
+def _system(part: Part) -> tuple[LeastSquares, list[tuple[IntArray, IntArray]]]:
+    """The system of a part; the numbers of its blocks in the whole network, and here, kind by kind."""
+    system, blocks = LeastSquares(), []
+    for manifold, numbers, names, values in part.unknowns:
+        blocks.append((numbers, system.unknowns.add(manifold, names, values)))
+    system.unknowns.frozen[:] = part.frozen
+    for given in part.batches:
+        _add(system, given)
+    for ids, values, sigmas in part.priors:
+        system.add_prior(ids, values, sigmas)
+    return system, blocks
+
+
+def _add(system: LeastSquares, given: Given) -> None:
+    """Adds the observations of one batch."""
+    formula, arguments, observations, sigmas = given
+    if formula is not None:
+        system.add(formula, arguments, observations, sigmas)
+        return
+    columns = list(arguments.values())
+    ends = np.cumsum([system.unknowns.size[column[0]] for column in columns])
+    *coefficients, _ = np.split(observations, ends, axis=1)
+    system.add_linear(columns, coefficients, observations[:, -1], sigmas, is_tangent=True)
 
 
 def leaf_after(file: str, moves: list[FloatArray]) -> Leaf:
-    """The leaf after these steps of its junction: the one kept, or one built anew that takes them all."""
-    if file not in LEAVES or LEAVES[file].moves_done > len(moves):
-        LEAVES[file] = Leaf(pickle.loads(Path(file).read_bytes()))
-    leaf = LEAVES[file]
+    """The leaf after these steps of its junction, from the last of its files that is there."""
+    part, wanted = Path(file), len(moves)
+    found = (_read(_after(part, done)) for done in range(wanted, -1, -1))
+    leaf = next((leaf for leaf in found if leaf is not None), None)
+    if leaf is None:
+        leaf = Leaf(pickle.loads(part.read_bytes()))
+    elif leaf.moves_done == wanted:
+        return leaf
     for junction in moves[leaf.moves_done :]:
         leaf.move(junction)
+    _write(_after(part, wanted), leaf)
+    _after(part, wanted - 1).unlink(missing_ok=True)
     return leaf
+
+
+def _after(part: Path, moves: int) -> Path:
+    """The file of a leaf after some moves."""
+    return part.with_suffix(f".{moves}")
+
+
+def _read(path: Path) -> Leaf | None:
+    """The leaf in a file; None where there is none."""
+    try:
+        leaf: Leaf = pickle.loads(path.read_bytes())
+    except FileNotFoundError:
+        return None
+    return leaf
+
+
+def _write(path: Path, leaf: Leaf) -> None:
+    """Writes a leaf beside its place, which it takes when it is complete."""
+    descriptor, name = mkstemp(dir=path.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            pickle.dump(leaf, file)
+        Path(name).replace(path)
+    except BaseException:
+        with suppress(OSError):
+            Path(name).unlink()
+        raise
 
 
 @dataclass(frozen=True)
@@ -159,8 +226,3 @@ def leaf_answers(file: str, moves: list[FloatArray], inverse: FloatArray) -> Ans
         leaf = leaf_after(file, moves)
         variances = leaf.solver.expand_inverse(inverse)[leaf.equations.pattern.diagonal]
         return Answers(leaf.values(), leaf.numbers, variances)
-
-
-def forget(file: str) -> None:
-    """Forgets a leaf that is not needed any more."""
-    LEAVES.pop(file, None)

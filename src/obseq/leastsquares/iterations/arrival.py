@@ -42,6 +42,16 @@ LAST_DIGITS = 1e7 * EPS
 DIGITS = 4.0
 """Times its own rounding that a gradient may be, and tell nothing."""
 
+SHARES = (0.1, 0.01, 0.001)
+"""Shares of a step along which rounding is told from what bends."""
+
+FALLING = 1e-6, 1e-2
+"""Shares of what was found along a step ten times as long between which that was a bend.
+
+A bend falls to a thousandth. The rounding of a single residual falls to less than a hundredth by chance, in
+one of two hundred cases, or to nothing where the step is lost in the last digits.
+"""
+
 NOISY = 3.0
 """Multiple of the rounding of the residuals below which a step that does not shrink is made of it."""
 
@@ -189,11 +199,29 @@ def _add_pulls(
 
 
 def roughness(equations: NormalEquations, step: FloatArray) -> float:
-    """Norm of the rounding of the weighted residuals, from their third differences along a step.
+    """Norm of the rounding of the weighted residuals along a step; see `rounding_along`."""
+    norm = float(np.linalg.norm(rounding_along(equations, step)))
+    return norm if np.isfinite(norm) else 0.0
 
-    Residuals that are smooth have next to none along a short step, bent or not. What is found is what the
-    formulas lose inside, and what the unknowns themselves cannot hold.
+
+def rounding_along(equations: NormalEquations, step: FloatArray) -> FloatArray:
+    """(m,) rounding of each weighted residual, from third differences along a step and shares of it.
+
+    Of a smooth residual these fall with the cube of the share, of one that is bent too. What does not fall is
+    what the formulas lose inside, and what the unknowns themselves cannot hold.
     """
+    found = _third_differences(equations, step)
+    for share in SHARES:
+        less = _third_differences(equations, share * step)
+        before, now = (float(np.linalg.norm(vector)) for vector in (found, less))
+        if not FALLING[0] * before < now < FALLING[1] * before:
+            break
+        found = less
+    return found
+
+
+def _third_differences(equations: NormalEquations, step: FloatArray) -> FloatArray:
+    """(m,) of the weighted residuals along a step, divided by what independent rounding multiplies by."""
     table = equations.table
     start = table.state()
     found = np.zeros(1)
@@ -204,5 +232,4 @@ def roughness(equations: NormalEquations, step: FloatArray) -> float:
             found = found + times * equations.weighted_residuals()
     finally:
         table.restore(start)
-    norm = float(np.linalg.norm(found)) / np.sqrt(20.0)
-    return norm if np.isfinite(norm) else 0.0
+    return np.asarray(found / np.sqrt(20.0))

@@ -49,7 +49,7 @@ def curvature_of(equations: NormalEquations) -> Curvature | None:
     All unknowns are to be in the matrix and none curved, as rotations are; no loss changes the weights.
     """
     whole = equations.n_unknowns == equations.pattern.n and not equations.constraints
-    flat = not equations.table.curved and not equations.viscosities
+    flat = equations.table.is_flat and not equations.viscosities
     is_smooth = whole and flat and all(batch.loss is None for batch in equations.batches)
     return Curvature() if is_smooth else None
 

@@ -39,7 +39,8 @@ LEAST = 1e-9
 class DampedPath:
     """Steps that solve (N + damping D) dx = -g, D the largest diagonal of N met so far.
 
-    So an unknown that loses its influence does not run away. A matrix that is singular from the start is
+    So an unknown that loses its influence does not run away. Points that move in their inverse distance may:
+    theirs is the present diagonal. A matrix that is singular from the start is
     damped; its defect is counted, and stays the same or shrinks. A damped matrix needs no datum: full steps
     end on it, wherever damped ones have led.
 
@@ -61,6 +62,7 @@ class DampedPath:
         self._solver = self._used = solver
         self._of_damped = solver.behind if isinstance(solver, DatumSolver) else solver
         self._floor = np.zeros(equations.pattern.n)
+        self._seen = equations.table.is_seen[equations.free.scalars]
         self._given = damping
         self._damping, self._norm, self._share = 0.0, 0.0, 1.0
         self._pull: FloatArray | None = None
@@ -83,7 +85,8 @@ class DampedPath:
         diagonal = self._equations.collect()
         if in_passing:
             return
-        self._floor = np.maximum(self._floor, diagonal[self._equations.free.scalars])
+        present = diagonal[self._equations.free.scalars]
+        self._floor = np.where(self._seen, present, np.maximum(self._floor, present))
         self._scale = np.where(self._floor > 0.0, self._floor, 1.0)
         if self._is_new:
             self._is_new = False

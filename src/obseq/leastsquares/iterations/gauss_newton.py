@@ -38,12 +38,14 @@ class Progress:
         reason: why they ended.
         defect: number of parameters that the observations leave free, where the strategy bears it.
         evaluations: how often all residuals were computed.
+        weak: what some unknowns are hardly determined by, where the iterations have led.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
     reason: StopReason = StopReason.ITERATIONS
     defect: int = 0
     evaluations: int = 0
+    weak: SingularSystemError | None = None
 
 
 def sigma0_of(squares: dict[str, float], groups: Collection[str] | None, redundancy: int) -> float | None:
@@ -160,8 +162,6 @@ def _gone(
 
 def strayed(error: SingularSystemError, iterations: list[Iteration]) -> SingularSystemError:
     """The error of a matrix that was regular at first and is singular where accepted steps have led."""
-    if not iterations:
-        return error
     last, number = iterations[-1], len(iterations) + 1
     size = f"a sum of squares of {last.cost:.3g} before the last step of {last.max_step:.3g}"
     size += f", {iterations[0].cost:.3g} at first"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, resolution, roughness
+from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, NOISY, Arrival, resolution, rounding_along
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
@@ -101,8 +101,11 @@ def iterate_in_region(
 ) -> Progress:
     """Runs the iterations; the table of unknowns holds the last accepted state whatever happens.
 
+    What was found stays: unknowns that are not determined any more where the steps have led are told in the
+    progress.
+
     Raises:
-        SingularSystemError: the unknowns are not determined, at first or where the steps have led.
+        SingularSystemError: the unknowns are not determined where the iterations start.
     """
     done, counted = Progress(), equations.evaluations
     search = _Search(equations, path, options, redundancy)
@@ -111,23 +114,28 @@ def iterate_in_region(
         try:
             trial, reason = search.advance()
         except SingularSystemError as error:
-            raise strayed(error, done.iterations) from None
+            if not done.iterations:
+                raise
+            done.weak, done.reason = strayed(error, done.iterations), StopReason.NO_DECREASE
+            break
         record = recorded(trial.linearisation, options, redundancy + path.defect, trial.move, trial.length)
         done.iterations.append(record)
         progress(record)
         if reason is not None:
             done.reason = reason
-            _settle(path, done.iterations)
+            done.weak = _settled(path, done.iterations)
             break
     done.defect, done.evaluations = path.defect, equations.evaluations - counted - search.known
     return done
 
 
-def _settle(path: Path, iterations: list[Iteration]) -> None:
+def _settled(path: Path, iterations: list[Iteration]) -> SingularSystemError | None:
+    """Counts the defect; what is hardly determined where the iterations have arrived."""
     try:
         path.settle()
     except SingularSystemError as error:
-        raise strayed(error, iterations) from None
+        return strayed(error, iterations)
+    return None
 
 
 class _Search:
@@ -264,7 +272,8 @@ class _Search:
             return True
         if trial.promised > NEGLIGIBLE**3 * cost:
             return False
-        return bool(trial.promised <= 2.0 * np.sqrt(cost) * roughness(self._equations, -trial.move))
+        lost = rounding_along(self._equations, -trial.move) * self._equations.weighted_residuals()
+        return bool(trial.promised <= 2.0 * NOISY * np.linalg.norm(lost))
 
     def _is_rounding(self, trial: Trial) -> bool:
         """Whether a full step that brings nothing is made of rounding: residuals that are all zero, say."""

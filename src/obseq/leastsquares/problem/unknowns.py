@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from obseq.leastsquares.problem.arguments import finite, plain, texts, whole
 from obseq.leastsquares.problem.growing import GrowingArray
 from obseq.leastsquares.problem.manifolds import MANIFOLDS, CurvedBlocks
 from obseq.leastsquares.problem.owner import Owner
+from obseq.leastsquares.problem.perspective import Perspective
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -60,6 +62,11 @@ class UnknownTable:
         self._frozen = GrowingArray(np.bool_)
         self._eliminated = GrowingArray(np.bool_)
         self._curved: tuple[int, list[CurvedBlocks]] = (0, [])
+        self._followers: list[WeakMethod[Callable[[], None]]] = []
+        self._perspectives: list[Perspective] = []
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_followers": []}  # they belong to whoever moves this one
 
     def __len__(self) -> int:
         return len(self.names)
@@ -317,6 +324,23 @@ class UnknownTable:
         self.owner.check()
         self.frozen[index] = frozen
 
+    def see_from(self, ids: ArrayLike, places: FloatArray) -> None:
+        """Lets points move by steps of their inverse distances from places (n, 3); see `Perspective`."""
+        self._perspectives.append(Perspective(self.scalars(ids, "see_from"), places))
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether every step is simply added."""
+        return not self.curved and not self._perspectives
+
+    @property
+    def is_seen(self) -> BoolArray:
+        """(n_scalars,) True for the points that move in their inverse distance."""
+        seen = np.zeros(self.n_scalars, dtype=bool)
+        for points in self._perspectives:
+            seen[points.scalars] = True
+        return seen
+
     def set_eliminated(self, ids: ArrayLike, eliminated: bool) -> None:
         """Marks blocks as to be eliminated, or not."""
         blocks = self.checked(ids, "eliminate")
@@ -354,13 +378,28 @@ class UnknownTable:
         """Comes back to a state; blocks added since keep their values."""
         self.values[: len(state.values)] = state.values
         self._context.view[: len(state.context)] = state.context
+        self._lead()
+
+    def followed_by(self, renew: Callable[[], None]) -> None:
+        """Has a method called wherever the values have moved or come back, as long as its object lives."""
+        self._followers.append(WeakMethod(renew))
+
+    def _lead(self) -> None:
+        """Renews what follows from the values."""
+        for follower in self._followers:
+            renew = follower()
+            if renew is not None:
+                renew()
 
     def move(self, step: FloatArray) -> None:
-        """Adds a step (n_scalars,) to all unknowns; rotations and directions absorb theirs and are reset."""
+        """Moves all unknowns by a step (n_scalars,); rotations and directions absorb theirs and are reset."""
+        for points in self._perspectives:
+            step = points.stretched(self.values, step, self.frozen)
         values = self.values + step
         for blocks in self.curved:
             self._absorb(blocks, values)
         self.values[:] = values
+        self._lead()
 
     def _absorb(self, blocks: CurvedBlocks, values: FloatArray) -> None:
         small, places = values[blocks.scalars], blocks.places

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.errors import ObseqError
     from obseq.leastsquares.problem.unknowns import State, UnknownTable
     from obseq.leastsquares.problem.weights import Weighing
     from obseq.leastsquares.solution.cofactors import Cofactors
@@ -87,7 +88,7 @@ class LeastSquaresResult:
         iterations: one record per iteration.
         converged: True when the iterations have arrived at a minimum.
         stop_reason: why they ended.
-        n_observations: scalar equations of the active observations.
+        n_observations: scalar equations of the active observations, those that a loss leaves no weight aside.
         n_constraints: scalar equations of the priors, and of rows that count as constraints.
         n_unknowns: free scalar unknowns.
         redundancy: n_observations + n_constraints - n_unknowns, and the parameters that a datum takes, or
@@ -103,6 +104,8 @@ class LeastSquaresResult:
         redundant_constraints: hard constraints that follow from the others, by name.
         evaluations: at how many points the iterations computed all residuals; derivatives at a point that
             was tried before count no more (so do SciPy's `nfev` and MINPACK's).
+        weak: why there are no covariances: the error that names what is hardly determined where the
+            iterations ended; None where nothing is. Who asks for covariances gets this error.
     """
 
     iterations: tuple[Iteration, ...]
@@ -124,6 +127,7 @@ class LeastSquaresResult:
     _cofactors: Cofactors | None = field(repr=False, default=None)
     redundant_constraints: tuple[str, ...] = ()
     evaluations: int = 0
+    weak: ObseqError | None = None
 
     @property
     def ending(self) -> str:
@@ -252,7 +256,7 @@ class LeastSquaresResult:
 
     @property
     def has_covariances(self) -> bool:
-        """Whether covariances were asked for."""
+        """Whether covariances were asked for, and are there."""
         return self._cofactors is not None
 
     @property
@@ -261,7 +265,10 @@ class LeastSquaresResult:
 
         Raises:
             InputError: covariances were not asked for.
+            SingularSystemError: the observations hardly determine some unknowns (`weak`).
         """
+        if self.weak is not None:
+            raise self.weak
         if self._cofactors is None:
             raise InputError("covariances were not asked for: solve(covariance=True)")
         return self._cofactors

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.compilation import Instruction
+from obseq.pools import let_go_at_fork
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -142,6 +143,9 @@ class _Held:
     lock = Lock()
     blocks = 0
     before: tuple[int, ...] = ()
+
+
+let_go_at_fork(_Held.lock)
 
 
 @contextmanager

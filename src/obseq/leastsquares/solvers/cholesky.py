@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
     Substitution = Callable[..., None]
+
+WORKING_ROOM = ("_workspace", "_scratch")
+"""Arrays that are filled anew at each call."""
 
 
 class SupernodalCholesky(BaseSolver):
@@ -58,6 +61,16 @@ class SupernodalCholesky(BaseSolver):
         self._last: IntArray = np.array(last, dtype=np.int64).reshape(-1)
         if np.any(np.diff(np.sort(self._last)) == 0):
             raise InputError("`last` names an unknown twice")
+
+    def __getstate__(self) -> dict[str, object]:
+        """What a copy needs: of the room to work in, which holds nothing between two calls, the size."""
+        state = dict(self.__dict__)
+        return state | {name: state[name].shape for name in WORKING_ROOM if name in state}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(
+            {name: np.empty(value) if name in WORKING_ROOM else value for name, value in state.items()}
+        )
 
     def _analyse(self, pattern: SymmetricPattern) -> None:
         if len(self._last) and not 0 <= self._last.min() <= self._last.max() < pattern.n:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.blas import POTRF, POTRI, POTRS, call_lapack
 from obseq.leastsquares.solvers.dense_loops import factor_columns, invert_small, solve_columns

@@ -174,8 +174,15 @@ class Reliability:
 
     @property
     def sum_of_redundancy_numbers(self) -> float:
-        """Equal to `redundancy` up to rounding: a check of the whole computation."""
-        return float(sum(np.nansum(part.redundancy) for part in self.all))
+        """Equal to `redundancy` up to rounding: a check of the whole computation.
+
+        What a loss leaves no weight counts in neither.
+        """
+        weighings = (self._state.result.weighing(part.source) for part in self.observations)
+        weighed = [weighing.robust_weights() > 0.0 for weighing in weighings]
+        rows = zip(self.observations, weighed, strict=True)
+        found = sum(np.nansum(part.redundancy[counts]) for part, counts in rows)
+        return float(found + sum(np.nansum(part.redundancy) for part in self.constraints))
 
     @property
     def n_tests(self) -> int:

@@ -6,12 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from msgspec import structs
 
+from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
-from obseq.record import (
+from obseq.records.adjustment import (
     AdjustmentRecord,
     ConstraintRecord,
     EllipseRecord,
@@ -22,7 +24,7 @@ from obseq.record import (
     StationRecord,
     defined,
 )
-from obseq.shown_units import METRIC, ShownUnits
+from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.adjusted_quality import ellipse_records
 from obseq.survey.adjustment.adjusted_records import (
     Fit,
@@ -50,7 +52,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
-    from obseq.record import (
+    from obseq.records.adjustment import (
         EllipsoidRecord,
         GrossErrorRecord,
         MotionRecord,
@@ -110,6 +112,7 @@ class Adjustment:
         undetermined: The motions that the datum of a free network takes away.
         doubtful: The points of which the observations say next to nothing.
         shown: Units of the reports, where the files have others than metres and gon.
+        failures: What should explain the result, and failed; among the warnings too.
     """
 
     solution: LeastSquaresResult
@@ -137,6 +140,7 @@ class Adjustment:
     undetermined: tuple[MotionRecord, ...] = ()
     doubtful: tuple[Doubtful, ...] = ()
     shown: ShownUnits | None = None
+    failures: tuple[str, ...] = ()
 
     @property
     def sigma0(self) -> float | None:
@@ -166,6 +170,10 @@ class Adjustment:
         """The adjustment with more warnings, before the others."""
         return replace(self, warnings=(*sentences, *self.warnings))
 
+    def failing(self, failures: Sequence[str]) -> Adjustment:
+        """The adjustment with what failed after it, told first."""
+        return replace(self.warned(*failures), failures=(*self.failures, *failures)) if failures else self
+
     def with_inner(self, covariances: FloatArray) -> Adjustment:
         """The adjustment with covariances (n, 3, 3) of inner constraints, a priori; scaled as its own are."""
         factor = 1.0 if self.precision == "a priori" else self.solution.variance_factor or 1.0
@@ -182,7 +190,7 @@ class Adjustment:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
         is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
         is_whole = not self.left_out and not self.book.unused and not self.quality.rejected.any()
-        return self.converged and is_whole and is_clean
+        return self.converged and is_whole and is_clean and not self.failures
 
     @property
     def suspicion(self) -> SuspicionRecord | None:
@@ -200,6 +208,8 @@ class Adjustment:
         standardised, shares = (None if numbers is None else numbers.standardised), self.quality.shares
         redundancy = None if numbers is None else numbers.redundancy
         fit = Fit(self.book, self.normalised_residuals, standardised, redundancy, shares)
+        boundary = Boundary()
+        suspected = boundary.attempt("the search for a single gross error", lambda: self.suspicion, None)
         return AdjustmentRecord(
             n_observations=solution.n_observations,
             n_constraints=solution.n_constraints,
@@ -227,7 +237,7 @@ class Adjustment:
             stations=tuple(self._stations()),
             observations=tuple(self._observations()),
             constraints=tuple(self._constraints()),
-            warnings=self.warnings,
+            warnings=(*boundary.failures, *self.warnings),
             notes=self.notes,
             left_out=tuple(item.record() for item in self.left_out),
             replaced=tuple(item.record() for item in self.replaced),
@@ -241,9 +251,10 @@ class Adjustment:
             types=by_type(fit),
             setups=by_setup(fit),
             undetermined=self.undetermined or None,
-            suspicion=self.suspicion,
+            suspicion=suspected,
             doubtful=tuple(item.record() for item in self.doubtful),
             unused=self.book.unused,
+            failures=(*self.failures, *boundary.failures),
             joint=joint_records(
                 self.quality.joint, self.quality.reliability, self.book, self.points.points, self.known
             ),
@@ -254,13 +265,13 @@ class Adjustment:
         records = points.records(self._ellipses())
         extras = zip(
             known_letters(points.points),
-            moves(points.points, points.coordinates),
+            moves(points.points, points.coordinates, {item.name for item in self.replaced}),
             self._ellipsoids(),
             self._inner(),
             strict=True,
         )
         for record, (known, moved, ellipsoid, inner) in zip(records, extras, strict=True):
-            yield replace(record, known=known, moved=moved, ellipsoid=ellipsoid, inner=inner)
+            yield structs.replace(record, known=known, moved=moved, ellipsoid=ellipsoid, inner=inner)
 
     def _inner(self) -> Sequence[tuple[float, ...] | None]:
         if self.inner is None:

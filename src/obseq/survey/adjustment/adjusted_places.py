@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.record import PointRecord
+from obseq.records.adjustment import PointRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray
-    from obseq.record import EllipseRecord
+    from obseq.records.adjustment import EllipseRecord
     from obseq.survey.model import Points
 
 COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")

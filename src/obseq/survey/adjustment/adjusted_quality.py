@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.record import (
+from obseq.records.adjustment import (
     EffectRecord,
     EllipseRecord,
     RejectionRecord,

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import structs
 
 from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
-from obseq.record import (
+from obseq.records.adjustment import (
     EllipsoidRecord,
     GlobalTestRecord,
     OperationRecord,
@@ -22,7 +22,7 @@ from obseq.record import (
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.crs import CoordinateSystem
@@ -59,12 +59,17 @@ def unused_azimuths(book: FieldBook, g0: FloatArray) -> dict[int, float]:
     return dict(zip(np.flatnonzero(wanted).tolist(), azimuths[wanted].tolist(), strict=True))
 
 
-def moves(points: Points, coordinates: FloatArray) -> list[tuple[float, ...] | None]:
-    """How far each point came from the coordinates that were given (m); None where none were."""
-    shifts = (coordinates - points.coordinates).tolist()
+def moves(
+    points: Points, coordinates: FloatArray, placeholders: Collection[str]
+) -> list[tuple[float, ...] | None]:
+    """How far each point came from the coordinates that were given (m).
+
+    None where none were, or placeholders (names of points): what the observations contradict, 0 0 0 say.
+    """
+    shifts, given = (coordinates - points.coordinates).tolist(), points.has_coordinates.tolist()
     return [
-        tuple(shift) if given else None
-        for shift, given in zip(shifts, points.has_coordinates.tolist(), strict=True)
+        tuple(shift) if is_given and name not in placeholders else None
+        for name, shift, is_given in zip(points.names, shifts, given, strict=True)
     ]
 
 
@@ -119,7 +124,7 @@ def by_type(fit: Fit) -> tuple[StatisticsRecord, ...]:
         name = " ".join(found[k].name for k in members)
         (whole,) = _statistics(fit, np.where(own, 0, 1), [name, ""])[:1]
         for k in members:
-            found[k] = replace(found[k], sigma_factor=None)
+            found[k] = structs.replace(found[k], sigma_factor=None)
         found.append(whole)
     count = sum(_is_tested(record) for record in found)
     return tuple(_tested(record, _TYPES_LEVEL / count) if _is_tested(record) else record for record in found)
@@ -146,7 +151,7 @@ def _tested(record: StatisticsRecord, level: float) -> StatisticsRecord:
         chi_square_limit(freedom, below=0.5 * level) / freedom,
         chi_square_limit(freedom, above=0.5 * level) / freedom,
     )
-    return replace(record, lower=limits[0] ** 0.5, upper=limits[1] ** 0.5, level=level)
+    return structs.replace(record, lower=limits[0] ** 0.5, upper=limits[1] ** 0.5, level=level)
 
 
 def by_setup(fit: Fit) -> tuple[StatisticsRecord, ...]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.record import DoubtfulRecord
+from obseq.records.adjustment import DoubtfulRecord
 from obseq.survey.initial.approximations import nearest_sights
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import codes_for

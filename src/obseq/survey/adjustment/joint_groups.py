@@ -9,7 +9,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.joint_levels import joint_critical, joint_level
-from obseq.record_quality import KNOWN, JointTestRecord
+from obseq.records.quality import KNOWN, JointTestRecord
 from obseq.survey.kinds.registry import AXIS_OF_VECTOR, IS_ANGLE
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch
     from obseq.leastsquares.statistics.reliability import Reliability
-    from obseq.record_quality import ReliabilityRecord
+    from obseq.records.quality import ReliabilityRecord
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points

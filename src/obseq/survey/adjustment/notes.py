@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.record import MotionRecord
+    from obseq.records.adjustment import MotionRecord
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook
 

@@ -10,7 +10,7 @@ from obseq.report.units import units_of
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-    from obseq.record import RejectionRecord
+    from obseq.records.adjustment import RejectionRecord
     from obseq.report.units import Units
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation

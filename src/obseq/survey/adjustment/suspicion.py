@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from obseq.leastsquares.statistics.hypothesis_tests import overall_level
 from obseq.leastsquares.statistics.joint_levels import (
@@ -16,7 +16,7 @@ from obseq.leastsquares.statistics.joint_levels import (
     joint_p_value,
     shared_level,
 )
-from obseq.record_quality import KNOWN, SuspicionRecord
+from obseq.records.quality import KNOWN, SuspicionRecord
 from obseq.survey.adjustment.joint_groups import (
     joint_record,
     turned_cause,
@@ -118,7 +118,7 @@ def suspicion(
     else:
         blunder = float(np.concatenate([part.blunder for part in judged])[first])
         found = SuspicionRecord(names, statistic, blunder, _unit(first, book), cause=instead)
-    return replace(found, may_be_sigmas=may_be_sigmas)
+    return structs.replace(found, may_be_sigmas=may_be_sigmas)
 
 
 def _instead(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.diagnosis.free_motions import find_motions
-from obseq.record import MotionRecord
+from obseq.records.adjustment import MotionRecord
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,83 +1,194 @@
-"""Readings in both faces of the telescope, which observations of one set-up and target must not mix."""
+"""Readings in both faces of the telescope: folded into the first one, reduced to means, compared.
+
+A zenith angle beyond half a turn is one of the second face: a full turn less it is that of the first. A
+direction on its line is half a turn from that of the first face. Where lines hold single angles, two or more
+targets of one point whose directions come half a turn apart are sights in both faces; one may be a slip.
+
+Half of what two faces differ by is the collimation error over the sine of the zenith angle, and the index
+error of the vertical circle. Means are free of both, so means are adjusted.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import listed
 from obseq.survey.kinds.directions import HZ, ZEN
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.model import FieldBook
-    from obseq.survey.model import IntArray as Numbers
+    from collections.abc import Iterable, Iterator
 
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.survey.model import FieldBook
+
+MEAN, ALL = "mean", "all"
+"""What becomes of readings in both faces."""
+FULL_TURN = 2.0 * math.pi
 CLOSE = 0.5 * math.pi / 200.0
 """Errors of an instrument between its faces, generously (rad)."""
 MOST = 4
+LIMIT = 3.29
+"""Standardised difference beyond which a pair is named: a chance of 0.1 %."""
+CC = math.pi / 2_000_000.0
 
 
-def refuse_both_faces(book: FieldBook) -> None:
-    """Refuses the second face: directions half a turn from the first, zenith angles that add to a full turn.
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Sights of one kind that were read in both faces, folded into the first one.
 
-    One such sight may be a slip, which the search of gross errors names; two from one point are no accident.
+    Attributes:
+        rows: (n, 2) of the field book: first and second face.
+        halves: (n,) half of second minus first face (rad).
+        sigmas: (n,) standard deviation of each half.
+    """
+
+    rows: list[tuple[int, int]]
+    halves: FloatArray
+    sigmas: FloatArray
+
+
+def reduced_faces(book: FieldBook, faces: str = MEAN) -> FieldBook:
+    """The field book with all sights in the first face.
+
+    Args:
+        book: As it was read.
+        faces: "mean" for the means of both faces, the second reading of a pair being switched off; "all" to
+            keep all readings, as they are. Correlated readings are folded, and not reduced.
 
     Raises:
-        InputError: Naming the point, its targets, and a line of each face.
+        InputError: `faces` is another word.
     """
-    pairs = np.concatenate([_directions(book), _zeniths(book)])
-    if len(pairs):
-        origins = book.observations.from_points[pairs[:, 0]]
-        several = np.flatnonzero(np.bincount(origins)[origins] > 1)
-        if several.size:
-            raise InputError(_sentence(book, pairs[origins == origins[several[0]]]))
-
-
-def _directions(book: FieldBook) -> IntArray:
-    """(n, 2) rows of the two faces of directions of one set-up."""
-    rows = np.flatnonzero(book.observations.active & (book.observations.types == HZ.code))
-    first = _first_of_its_kind(book.observations.stations[rows], book.observations.to_points[rows])
-    values = book.observations.values[rows]
-    return _joined(rows, first, _is_near(values - values[first], math.pi))
-
-
-def _zeniths(book: FieldBook) -> IntArray:
-    """(n, 2) rows of the two faces of zenith angles; near the vertical both look alike."""
-    rows = np.flatnonzero(book.observations.active & (book.observations.types == ZEN.code))
-    first = _first_of_its_kind(book.observations.from_points[rows], book.observations.to_points[rows])
-    values = book.observations.values[rows]
-    is_other = ~_is_near(values, values[first], 4.0 * CLOSE)
-    return _joined(rows, first, is_other & _is_near(values + values[first], 0.0))
-
-
-def _first_of_its_kind(origins: Numbers, targets: Numbers) -> IntArray:
-    """(n,) for each sight the first one with its origin and target."""
-    keys = origins.astype(np.int64) << 32 | targets
-    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
-    return np.asarray(first[which])
-
-
-def _is_near(angles: FloatArray, others: FloatArray | float, limit: float = CLOSE) -> BoolArray:
-    return np.abs(np.remainder(angles - others + math.pi, 2.0 * math.pi) - math.pi) < limit
-
-
-def _joined(rows: IntArray, first: IntArray, chosen: BoolArray) -> IntArray:
-    return np.column_stack([rows[first[chosen]], rows[chosen]])
-
-
-def _sentence(book: FieldBook, pairs: IntArray) -> str:
+    if faces not in (MEAN, ALL):
+        raise InputError(f"faces: {faces!r} is neither {MEAN!r} (means of both faces) nor {ALL!r} readings")
     rows = book.observations
-    targets = list(dict.fromkeys(book.point_names[row] for row in rows.to_points[pairs[:, 0]]))
-    examples = {int(rows.types[pair[0]]): pair for pair in reversed(pairs.tolist())}.values()
-    where = ", ".join(f"{book.label(first)} and {book.place(second)}" for first, second in examples)
-    origin = book.point_names[rows.from_points[pairs[0, 0]]]
-    return (
-        f"{origin} sights {listed(targets, MOST)} in both faces of the telescope: "
-        f"{where}. Observations have no face here: write zenith angles of the second one as a full turn "
-        "(400 gon) minus the reading, and its directions half a turn (200 gon) from the reading or, in an "
-        "OBS file, in a set-up of their own (code 7)"
+    directions, zeniths = rows.types == HZ.code, rows.types == ZEN.code
+    turned = zeniths & (np.remainder(rows.values, FULL_TURN) > math.pi)
+    other = turned | _second_directions(book, directions & rows.active, turned)
+    if not (other & rows.active).any():
+        return book
+    values = rows.values.copy()
+    values[turned] = FULL_TURN - np.remainder(values[turned], FULL_TURN)
+    folded = other & directions
+    values[folded] = np.remainder(values[folded] - math.pi, FULL_TURN)
+    book = replace(book, observations=replace(rows, values=values))
+    kinds = {"directions": directions, "zenith angles": zeniths}
+    found = {kind: _pairs(book, chosen & rows.active, other) for kind, chosen in kinds.items()}
+    told = tuple(_told(book, other, found, faces))
+    return (_with_means(book, found) if faces == MEAN else book).warned(*told)
+
+
+def _second_directions(book: FieldBook, directions: BoolArray, turned: BoolArray) -> BoolArray:
+    """(n,) which directions are of the second face."""
+    rows = book.observations
+    zeniths = np.flatnonzero(rows.types == ZEN.code).tolist()
+    on_lines = {_line(book, row): bool(turned[row]) for row in zeniths}
+    second = np.zeros(len(rows), np.bool_)
+    sights: dict[tuple[int, int], list[int]] = defaultdict(list)
+    known: dict[int, bool] = {}
+    for row in np.flatnonzero(directions).tolist():
+        face = on_lines.get(_line(book, row))
+        if face is not None:
+            second[row], known[row] = face, face
+        sights[int(rows.stations[row]), int(rows.to_points[row])].append(row)
+    apart: dict[int, list[int]] = defaultdict(list)
+    for alike in sights.values():
+        for row in alike[1:]:
+            if row not in known and _is_near(rows.values[row] - rows.values[alike[0]], math.pi):
+                apart[int(rows.from_points[row])].append(row)
+    for several in apart.values():
+        second[several] = len(several) > 1
+    return second
+
+
+def _line(book: FieldBook, row: int) -> tuple[int, int, int, int]:
+    """What angles of one sight have in common where a line holds them both."""
+    rows = book.observations
+    ends = int(rows.from_points[row]), int(rows.to_points[row])
+    return (int(rows.file_indices[row]), int(rows.lines[row]), *ends)
+
+
+def _pairs(book: FieldBook, chosen: BoolArray, second: BoolArray) -> _Pairs:
+    """The n-th sight of a target in the first face with the n-th in the second one, set-up by set-up."""
+    rows = book.observations
+    sights: dict[tuple[float, ...], tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
+    correlated = {row for cluster in book.clusters for row in cluster.rows.tolist()}
+    for row in np.flatnonzero(chosen).tolist():
+        if row not in correlated:
+            heights = rows.from_heights[row], rows.to_heights[row]
+            ends = rows.stations[row], rows.from_points[row], rows.to_points[row]
+            sights[(*ends, *heights)][int(second[row])].append(row)
+    pairs = [pair for faces in sights.values() for pair in zip(*faces, strict=False)]
+    first, last = np.array(pairs, np.int64).reshape(-1, 2).T
+    halves = (np.remainder(rows.values[last] - rows.values[first] + math.pi, FULL_TURN) - math.pi) / 2.0
+    sigmas = np.hypot(rows.sigmas[first], rows.sigmas[last]) / 2.0
+    return _Pairs(pairs, halves, sigmas)
+
+
+def _with_means(book: FieldBook, found: dict[str, _Pairs]) -> FieldBook:
+    """The first reading of each pair becomes the mean; the second one is switched off."""
+    rows = book.observations
+    values, sigmas, active = rows.values.copy(), rows.sigmas.copy(), rows.active.copy()
+    for pairs in found.values():
+        first, last = np.array(pairs.rows, np.int64).reshape(-1, 2).T
+        values[first] += pairs.halves
+        sigmas[first] = np.hypot(rows.sigmas[first], rows.sigmas[last]) / 2.0
+        active[last] = False
+    return replace(book, observations=replace(rows, values=values, sigmas=sigmas, active=active))
+
+
+def _told(book: FieldBook, second: BoolArray, found: dict[str, _Pairs], faces: str) -> Iterator[str]:
+    """What was folded and reduced; collimation and index errors by instrument; pairs that differ."""
+    rows = np.flatnonzero(second).tolist()
+    origins = dict.fromkeys(book.point_names[book.observations.from_points[row]] for row in rows)
+    counts = ", ".join(f"{len(pairs.rows)} pairs of {kind}" for kind, pairs in found.items() if pairs.rows)
+    yield (
+        f"sights in both faces of the telescope, from {listed(list(origins), MOST)}: {len(rows)} readings of "
+        f"the second face are folded into the first one ({book.label(rows[0])} is the first)"
+        + (f"; {counts} are reduced to their means" if counts and faces == MEAN else "")
     )
+    names = {"directions": "collimation error", "zenith angles": "index error"}
+    for kind, pairs in found.items():
+        for instrument, chosen in _by_instrument(book, pairs):
+            yield from _compared(book, pairs, chosen, names[kind], instrument)
+
+
+def _by_instrument(book: FieldBook, pairs: _Pairs) -> Iterable[tuple[str, list[int]]]:
+    """The pairs of each instrument that files name; "" for those of none."""
+    groups: dict[str, list[int]] = defaultdict(list)
+    for k, (row, _) in enumerate(pairs.rows):
+        group = int(book.observations.groups[row])
+        groups[book.groups[group].name if group >= 0 else ""].append(k)
+    return groups.items()
+
+
+def _compared(book: FieldBook, pairs: _Pairs, chosen: list[int], name: str, instrument: str) -> Iterator[str]:
+    """An error of the instrument with its precision, and the pairs that differ from it."""
+    halves, sigmas = pairs.halves[chosen], pairs.sigmas[chosen]
+    weights = 1.0 / sigmas**2
+    mean = float(np.sum(weights * halves) / np.sum(weights))
+    if len(chosen) < 2:
+        return
+    spread = math.sqrt(float(np.sum(weights * (halves - mean) ** 2)) / (len(chosen) - 1))
+    of = f" of {instrument}" if instrument else ""
+    precision = spread / math.sqrt(float(np.sum(weights)))
+    text = f"{name}{of} from {len(chosen)} pairs: {mean / CC:+.1f} cc, sigma {precision / CC:.1f} cc"
+    odd = np.flatnonzero(np.abs(halves - mean) > LIMIT * np.sqrt(sigmas**2 - 1.0 / np.sum(weights)))
+    if odd.size:
+        worst = sorted(odd.tolist(), key=lambda k: -abs(float(halves[k] - mean) / sigmas[k]))
+        shown = [
+            f"{book.label(pairs.rows[chosen[k]][0])} by {2.0 * (halves[k] - mean) / CC:+.0f} cc"
+            for k in worst
+        ]
+        text += f"; faces differ by more than their sigmas in {len(odd)}: {listed(shown, MOST)}"
+    yield text
+
+
+def _is_near(angle: float, other: float) -> bool:
+    return abs(math.remainder(angle - other, FULL_TURN)) < CLOSE

@@ -9,18 +9,18 @@ import numpy as np
 
 from obseq import crs
 from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting, instance
-from obseq.comparison_record import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 from obseq.printable import composed
-from obseq.record import EllipseRecord
-from obseq.shown_units import METRIC
+from obseq.records.adjustment import EllipseRecord
+from obseq.records.comparison import ComparisonRecord, DisplacementRecord, TestRecord
+from obseq.records.shown_units import METRIC
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.frame import Frame
 from obseq.survey.epochs.congruence import Tester, congruence
-from obseq.survey.epochs.displacements import Displacements, displacements
+from obseq.survey.epochs.displacements import MOST_POINTS, Displacements, displacements
 from obseq.survey.epochs.grounds import (
     at_odds,
     fits,
@@ -203,7 +203,8 @@ def compare(
         first: The first epoch.
         second: The second epoch, in the same frame.
         level: Probability that one test finds a movement where there is none.
-        points: Names of the points to compare; all common points by default.
+        points: Names of the points to show and to test together; all common points by default. What is found
+            of each does not depend on which others are shown.
         reference: Names of points that should have stayed: those that have not are found and named.
         a_priori: Whether the given sigmas are trusted, instead of being scaled by the estimated sigma0.
 
@@ -213,11 +214,33 @@ def compare(
     """
     checked_probability(level, "compare: level")
     points, reference = (None if given is None else [*map(composed, given)] for given in (points, reference))
-    names = _names(first, second, points, reference)
+    common = _common(first, second, points, reference)
+    wanted = set(common if points is None else points) | set(reference or ())
+    # what is found does not depend on which points are shown, as long as all have room
+    epochs, names = (first, second), common
+    if points is not None and len(common) > MOST_POINTS:
+        wanted_or_known = wanted | set(known_points(epochs, common))
+        names = tuple(name for name in common if name in wanted_or_known)
     if reference is not None:
-        return _relative((first, second), names, reference, level, trusted=a_priori)
-    found = _as_adjusted((first, second), names, level, trusted=a_priori)
-    return found if found.is_quiet else _without_moved_known_points(found, trusted=a_priori)
+        found = _relative(epochs, names, reference, level, trusted=a_priori)
+    else:
+        found = _as_adjusted(epochs, names, level, trusted=a_priori)
+        found = found if found.is_quiet else _without_moved_known_points(found, trusted=a_priori)
+    return found if points is None else _shown(found, wanted)
+
+
+def _shown(found: Comparison, wanted: Collection[str]) -> Comparison:
+    """What was found of some of the points; without reference points, they are tested together."""
+    moved = found.displacements
+    rows = np.array([row for row, name in enumerate(moved.names) if name in wanted], np.int64)
+    shown, staying = moved.of(rows), found.reference
+    return replace(
+        found,
+        displacements=shown,
+        tests=tuple(found.tests[row] for row in rows.tolist()),
+        reference=None if staying is None else staying[rows],
+        congruence=congruence(shown, shown.tested, found.tester) if staying is None else found.congruence,
+    )
 
 
 def _as_adjusted(epochs: Epochs, names: tuple[str, ...], level: float, *, trusted: bool) -> Comparison:
@@ -285,22 +308,21 @@ def _frame(epochs: Epochs) -> Frame:
     return Frame(crs.parse(epochs[0].frame))
 
 
-def _names(
+def _common(
     first: Adjustment, second: Adjustment, points: Collection[str] | None, reference: Collection[str] | None
 ) -> tuple[str, ...]:
+    """The points of both epochs, those that are asked for among them."""
     there = set(second.points.names)
-    common = [name for name in first.points.names if name in there]
+    common = tuple(name for name in first.points.names if name in there)
     for what, given in (("points", points), ("reference", reference)):
         unknown = sorted(set(given or ()) - set(common))
         if unknown:
             raise InputError(f"compare: {what} {', '.join(unknown)}: not in both epochs")
-    wanted = set(common if points is None else points) | set(reference or ())
-    names = tuple(name for name in common if name in wanted)
-    if not names:
+    if not common or (points is not None and not points and not reference):
         raise InputError("compare: the two epochs have no point in common")
     if reference is not None and len(set(reference)) < 2:
         raise InputError("compare: give at least two reference points")
-    return names
+    return common
 
 
 def _tester(first: Adjustment, second: Adjustment, level: float, *, trusted: bool) -> Tester:

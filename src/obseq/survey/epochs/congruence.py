@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.comparison_record import TestRecord
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.distributions import chi_square_limit, chi_square_tails
+from obseq.records.comparison import TestRecord
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray

@@ -1,9 +1,9 @@
 """Displacements of the points of two epochs, with the covariance of all of them together.
 
 Known coordinates with a sigma that are the same in both epochs are one and the same piece of knowledge: an
-error in them moves both epochs alike. With ``K = Q P`` of each epoch (Q cofactors of the points, P weights of
-the known coordinates), the covariance of the two is ``K1 P^-1 K2' = Q1 P Q2``, and the cofactors of the
-displacements are ``Q1 + Q2 - Q1 P Q2 - Q2 P Q1``.
+error in them moves both epochs alike. With ``K = Q A' P`` of each epoch (Q cofactors of the points, A and P
+equations and weights of all its known coordinates), the covariance of the two is ``C = K1 S K2'`` (S the
+covariance of what both know alike), and the cofactors of the displacements are ``Q1 + Q2 - C - C'``.
 """
 
 from __future__ import annotations
@@ -12,19 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq import crs
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.epochs.common_knowledge import cofactors, common, given
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.model import CoordinateCovariance, Points
 
 MOST_POINTS = 3000
-SAME = 1e-9
-"""Coordinates (m) and sigmas that differ by less are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +46,13 @@ class Displacements:
         at = slice(3 * row, 3 * row + 3)
         return self.cofactors[at, at]
 
+    def of(self, rows: IntArray) -> Displacements:
+        """Those of some of the points."""
+        scalars = (3 * rows[:, None] + np.arange(3)).ravel()
+        names = tuple(self.names[row] for row in rows.tolist())
+        chosen = self.cofactors[np.ix_(scalars, scalars)]
+        return Displacements(names, self.places[rows], self.vectors[rows], chosen, self.tested[rows])
+
     def turned(self, axes: FloatArray) -> Displacements:
         """The same along other axes at each point, (n, 3, 3) by rows."""
         blocks = self.cofactors.reshape(len(self.names), 3, len(self.names), 3)
@@ -64,12 +67,18 @@ def displacements(first: Adjustment, second: Adjustment, names: tuple[str, ...])
     """The displacements of points that both epochs have.
 
     Raises:
-        InputError: the epochs are in different frames, or have too many points in common.
+        InputError: the epochs, or their known points, are in different systems; too many points in common.
     """
     if first.frame != second.frame:
         raise InputError(
             f"compare: the first epoch is adjusted in {first.frame}, the second in {second.frame}; adjust "
             "both in one frame (--frame)"
+        )
+    if first.points_crs != second.points_crs and len(first.known) and len(second.known):
+        raise InputError(
+            f"compare: the points of the first epoch are given in {first.points_crs}, those of the second in "
+            f"{second.points_crs}, and known coordinates of both count; convert one of the point files "
+            "(obseq convert), or give reference points (--reference)"
         )
     if len(names) > MOST_POINTS:
         raise InputError(
@@ -78,11 +87,9 @@ def displacements(first: Adjustment, second: Adjustment, names: tuple[str, ...])
         )
     rows = [_rows(epoch, names) for epoch in (first, second)]
     places = [epoch.points.coordinates[row] for epoch, row in zip((first, second), rows, strict=True)]
-    q1, q2 = (_cofactors(epoch, names) for epoch in (first, second))
+    q1, q2 = (cofactors(epoch, names, names) for epoch in (first, second))
+    crossed = common(given(first, names), given(second, names))
     known = [epoch.points.points.subset(row) for epoch, row in zip((first, second), rows, strict=True)]
-    system = PointSystem(crs.parse(first.frame), crs.parse(first.points_crs))
-    shared = _shared_weights(known[0], known[1], system.axes(known[0].coordinates)[0])
-    crossed = q1 @ shared @ q2
     held = [points.is_held.all(axis=1) for points in known]
     return Displacements(
         names,
@@ -96,44 +103,3 @@ def displacements(first: Adjustment, second: Adjustment, names: tuple[str, ...])
 def _rows(epoch: Adjustment, names: tuple[str, ...]) -> IntArray:
     index = epoch.points.points.index
     return np.array([index[name] for name in names], np.int64)
-
-
-def _cofactors(epoch: Adjustment, names: tuple[str, ...]) -> FloatArray:
-    """(3 n, 3 n) cofactors of points, zero where they are held."""
-    cofactors = epoch.solution.cofactors
-    scalars = cofactors.table.scalars(cofactors.table.find(names, "Point3"), "compare").ravel()
-    return np.asarray(cofactors.between(scalars, scalars))
-
-
-def _shared_weights(first: Points, second: Points, axes: FloatArray) -> FloatArray:
-    """(3 n, 3 n) weights of the known coordinates that both epochs have, in the frame.
-
-    Args:
-        first: the common points as the first epoch knows them.
-        second: as the second knows them.
-        axes: (n, 3, 3) of the system in which they are given, by rows.
-    """
-    n = len(first)
-    alike = np.abs(first.coordinates - second.coordinates).max(axis=1) < SAME
-    same_sigmas = np.isclose(first.sigmas, second.sigmas, rtol=0.0, atol=SAME, equal_nan=True)
-    spreads = np.where(alike[:, None] & same_sigmas & (first.sigmas > 0.0), first.sigmas, np.inf)
-    weights = np.zeros((n, 3, n, 3))
-    rows = np.arange(n)
-    weights[rows, :, rows] = np.einsum("nki,nk,nkj->nij", axes, np.square(1.0 / spreads), axes)
-    flat = weights.reshape(3 * n, 3 * n)
-    correlated = first.covariance
-    if correlated is None or not _is_same(correlated, second.covariance):
-        return flat
-    chosen = np.zeros((len(correlated.coordinates), n, 3))
-    for k, (name, component) in enumerate(correlated.coordinates):
-        if name in first.index:
-            chosen[k, first.index[name]] = axes[first.index[name], component]
-    rows_of = chosen.reshape(-1, 3 * n)
-    return np.asarray(flat + rows_of.T @ np.linalg.solve(correlated.matrix, rows_of))
-
-
-def _is_same(first: CoordinateCovariance, second: CoordinateCovariance | None) -> bool:
-    return second is not None and (
-        first.coordinates == second.coordinates
-        and bool(np.allclose(first.matrix, second.matrix, rtol=1e-9, atol=0.0))
-    )

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.printable import listed
+from obseq.records.shown_units import METRIC
 from obseq.report.units import Units
 from obseq.report.verdict import test_of
-from obseq.shown_units import METRIC
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
-    from obseq.record_quality import SuspicionRecord
+    from obseq.records.quality import SuspicionRecord
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import Observations
 

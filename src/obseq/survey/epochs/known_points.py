@@ -18,8 +18,9 @@ from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, without_azimuths
 from obseq.survey.adjustment.frame import Frame
 from obseq.survey.adjustment.inner import require_whole
+from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
-from obseq.survey.epochs.displacements import SAME
+from obseq.survey.epochs.common_knowledge import SAME
 from obseq.survey.epochs.grounds import fits
 from obseq.survey.initial.initial_values import values_by
 from obseq.survey.initial.kept_graphs import Graphs
@@ -38,8 +39,8 @@ TOLERANCE = 1e-6
 
 
 def known_points(epochs: Sequence[Adjustment], names: Sequence[str]) -> tuple[str, ...]:
-    """Those of the names whose coordinates both epochs hold, or tie, in the same place."""
-    one, two = (_coordinates(epoch.points.points) for epoch in epochs)
+    """Those of the names of which both epochs hold, or tie, a coordinate, and the same ones alike."""
+    one, two = map(_given, epochs)
     return tuple(name for name in names if name in one and name in two and _is_one(one[name], two[name]))
 
 
@@ -72,13 +73,21 @@ def _computation(epoch: Adjustment) -> Computation:
     return Computation(frame, given, None, ITERATIONS, TOLERANCE, Stopwatch(), Quality())
 
 
-def _coordinates(points: Points) -> dict[str, FloatArray]:
-    """(3,) coordinates of the known points by name."""
-    return {points.names[row]: points.coordinates[row] for row in np.flatnonzero(_known(points)).tolist()}
+def _given(epoch: Adjustment) -> dict[str, FloatArray]:
+    """(3,) coordinates of the known points by name, m in their system; NaN for those that are free."""
+    points = epoch.points.points
+    rows = np.flatnonzero(_known(points))
+    system = PointSystem(crs.parse(epoch.frame), crs.parse(epoch.points_crs))
+    there, _, metres = system.coordinates_and_axes(points.coordinates[rows])
+    is_given = ~points.is_free[rows] & ~points.is_held.all(axis=0)
+    found = np.where(is_given, there * metres, np.nan)
+    return {points.names[row]: found[k] for k, row in enumerate(rows.tolist())}
 
 
 def _is_one(first: FloatArray, second: FloatArray) -> bool:
-    return bool(np.allclose(first, second, rtol=0.0, atol=SAME, equal_nan=True))
+    """Whether some component is given in both, and all of these are the same."""
+    apart = np.abs(first - second)
+    return bool(np.isfinite(apart).any() and (np.isnan(apart) | (apart < SAME)).all())
 
 
 def _known(points: Points) -> BoolArray:

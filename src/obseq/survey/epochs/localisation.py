@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.comparison_record import TestRecord
+    from obseq.records.comparison import TestRecord
     from obseq.survey.epochs.congruence import Tester
     from obseq.survey.epochs.displacements import Displacements
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.dataclass import dataclass
-from obseq.record import ReplacedRecord
+from obseq.records.adjustment import ReplacedRecord
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.relations import central_angle
 from obseq.survey.kinds.kind import Start

@@ -6,11 +6,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import asdict
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import listed
-from obseq.record import LeftOutRecord
+from obseq.records.adjustment import LeftOutRecord
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import among, codes_for, codes_where
@@ -35,8 +36,7 @@ _LEVELLING = (
 )
 
 
-@dataclass(frozen=True)
-class LeftOut(LeftOutRecord):
+class LeftOut(LeftOutRecord, frozen=True):
     """A point or a station that the adjustment does without.
 
     Attributes:
@@ -51,7 +51,7 @@ class LeftOut(LeftOutRecord):
 
     def record(self) -> LeftOutRecord:
         """Its entry in the record of the adjustment."""
-        return LeftOutRecord(**vars(self))
+        return LeftOutRecord(**asdict(self))
 
     def sentence(self) -> str:
         """What is left out, with which observations, and why."""

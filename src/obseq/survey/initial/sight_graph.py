@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from array import array
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.initial.sights import lengths
 from obseq.survey.model import Orientation

@@ -7,12 +7,12 @@ that it depends on no coordinates: all ways of many stations are computed at onc
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.initial.sights import lengths
 

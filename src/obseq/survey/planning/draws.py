@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.distributions import chi_square_tails
-from obseq.plan_record import DrawsRecord
+from obseq.records.plan import DrawsRecord
 from obseq.survey.adjustment.equations import Equations
 
 if TYPE_CHECKING:

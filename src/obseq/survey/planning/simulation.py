@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import NOTHING, SEED, TRUTH, expecting, instance
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.adjustment.plumb import Plumb

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.record import GrossErrorRecord
+from obseq.records.adjustment import GrossErrorRecord
 from obseq.report.units import METRIC
 from obseq.survey.kinds.kind import Start
 

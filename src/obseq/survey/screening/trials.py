@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.survey.screening.robust import (

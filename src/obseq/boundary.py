@@ -1,0 +1,65 @@
+"""What explains a result, or shows it, may fail: the result stays, and the failure is told."""
+
+from __future__ import annotations
+
+import logging
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+Answer = TypeVar("Answer")
+Other = TypeVar("Other")
+Text = TypeVar("Text")
+_LOG = logging.getLogger(__name__)
+
+
+class Boundary:
+    """Keeps a result from what comes after it.
+
+    Attributes:
+        failures: What failed, in sentences.
+
+    Example:
+        >>> boundary = Boundary()
+        >>> boundary.attempt("the page", lambda: 1 / 0, "")
+        ''
+        >>> boundary.failures[0].partition(" (")[0]
+        'the page failed: ZeroDivisionError: division by zero'
+    """
+
+    def __init__(self) -> None:
+        self.failures: list[str] = []
+
+    def attempt(self, what: str, work: Callable[[], Answer], otherwise: Other) -> Answer | Other:
+        """The answer of some work; where it fails, another one, and the failure is kept.
+
+        Args:
+            what: What the work is, to begin a sentence.
+            work: What may fail, by whatever error; an interruption goes through.
+            otherwise: The answer then.
+        """
+        try:
+            return work()
+        except Exception as error:
+            _LOG.info("%s failed", what, exc_info=True)
+            self.failures.append(_sentence(what, error))
+            return otherwise
+
+    def texts(self, writers: Mapping[Path, Callable[[], Text]]) -> dict[Path, Text]:
+        """The texts of files by their writers; without those that fail."""
+        made = {path: self.attempt(str(path), write, None) for path, write in writers.items()}
+        return {path: text for path, text in made.items() if text is not None}
+
+
+def _sentence(what: str, error: Exception) -> str:
+    """What failed, why and where; the result is there all the same."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(last.filename).name}:{last.lineno}"
+    said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return (
+        f"{what} failed: {said} ({place}). The result is as computed, without it. "
+        "Please report this as a defect of obseq"
+    )

@@ -1,0 +1,187 @@
+"""The search for errors: tests at a robust place, proved by adjustments.
+
+1. Where the adjustment as given is accepted by all tests, nothing is wrong.
+2. A robust start leads near the truth. There tests are exact in the size of errors, whatever it is.
+3. Hypotheses are selected by linear algebra, and the model is adjusted with them, until they stay the same.
+4. What is not linear is applied, not extrapolated. What is not explained is looked for from other places.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Generic
+
+import numpy as np
+
+from obseq.diagnosis.explanation import Explanation, accepted, better, change_of, with_equals
+from obseq.diagnosis.judgement import judged
+from obseq.diagnosis.linear_tests import LinearTests
+from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.protocol import Change, Place
+from obseq.diagnosis.selection import select
+from obseq.diagnosis.verdict import Status, Verdict
+from obseq.errors import ObseqError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.diagnosis.policy import Policy
+    from obseq.diagnosis.protocol import Model
+
+
+def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
+    """What is wrong with a model, or that nothing is."""
+    return Search(model, policy).verdict()
+
+
+class Search(Generic[Place]):
+    """One diagnosis: what it has spent, and what it found."""
+
+    def __init__(self, model: Model[Place], policy: Policy) -> None:
+        self._model, self._policy = model, policy
+        self._hypotheses = model.hypotheses
+        self._steps = 0
+
+    def verdict(self) -> Verdict:
+        """What is wrong."""
+        solution = self._model.solution()
+        if solution is not None:
+            tests = self._tests(solution)
+            found = tests.tests(tests.given(()), blocks=False)
+            if (found.statistic <= found.limit).all():
+                is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
+                status = Status.ACCEPTED if is_accepted else Status.UNEXPLAINED
+                return Verdict(status, (), tests.cost, tests.linear.redundancy)
+        best = self._from_all_places(solution)
+        if best is None:
+            return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
+        reason = "not all explanations were tried: the network is large" if self._is_spent else ""
+        return judged(self._model, best, reason)
+
+    @property
+    def _is_spent(self) -> bool:
+        return self._steps >= self._policy.steps
+
+    def _tests(self, place: Place, applied: Sequence[Change] = ()) -> LinearTests:
+        """The tests at a place; of what is applied the columns stand where the change now is."""
+        linear, columns = self._model.linearised(place, applied)
+        for change in applied:  # back to no change, along the tangent
+            own = self._hypotheses.of(change.index)
+            linear.residuals[:] += columns.matrix[:, own] @ change.size
+        return LinearTests(linear, columns, self._hypotheses, self._policy)
+
+    def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:
+        """The best explanation from the robust place; from least squares, or without the worst rows."""
+        best: Explanation[Place] | None = None
+        robust = self._robust(())
+        for place in (robust, solution):
+            found = None if place is None else self._adapted(place, is_robust=place is robust)
+            best = better(best, found)
+            if best is not None and best.is_accepted and len(best.chosen) == 1:
+                return best  # several may be the price of a wrong place: look from the other
+        if best is not None and not best.is_accepted:
+            best = self._without_the_worst(best)
+        return best
+
+    def _robust(self, without: Sequence[Change]) -> Place | None:
+        self._steps += 26
+        try:
+            return self._model.robust(without)
+        except ObseqError:
+            return None
+
+    def _without_the_worst(self, best: Explanation[Place]) -> Explanation[Place]:
+        """From a robust start without the row of the largest test, which may have spoiled the first."""
+        tests = best.tests
+        statistic = tests.tests(tests.given(()), blocks=False).statistic
+        worst = [i for i in np.argsort(-statistic).tolist() if self._hypotheses.is_start[i]]
+        for i in worst[: self._policy.trials]:
+            if self._is_spent or statistic[i] <= 0.0:
+                break
+            place = self._robust((change_of(tests, i),))
+            found = None if place is None else self._adapted(place, is_robust=True)
+            best = better(best, found) or best
+            if best.is_accepted:
+                break
+        return best
+
+    def _adapted(self, place: Place, *, is_robust: bool) -> Explanation[Place] | None:
+        """The best explanation from a place; what is not linear is tried as what it is."""
+        best, bent = self._settled(place, (), is_robust=is_robust)
+        if best is not None and best.is_accepted and not self._is_worth_trials(best):
+            return best
+        found = [best] if best is not None else []
+        for change in bent:
+            other, _ = self._settled(place, (change,), is_robust=is_robust)
+            found += [other] if other is not None else []
+        if not found:
+            return None
+        found.sort(key=lambda one: one.price)
+        return with_equals(found, self._policy)
+
+    def _is_worth_trials(self, found: Explanation[Place]) -> bool:
+        """Whether an explanation has a block or something that is not linear: other trials may be better."""
+        own = list(found.chosen)
+        return bool((self._hypotheses.is_block[own] | self._hypotheses.is_bent[own]).any())
+
+    def _settled(
+        self, place: Place, applied: tuple[Change, ...], *, is_robust: bool
+    ) -> tuple[Explanation[Place] | None, tuple[Change, ...]]:
+        """Selection, adjustment and linearisation until they stay the same; and changes to try."""
+        best: Explanation[Place] | None = None
+        before: tuple[int, ...] | None = None
+        bent: tuple[Change, ...] = ()
+        try:
+            if applied:
+                place, _ = self._adjusted(place, applied)
+            for turn in range(self._policy.rounds):
+                tests = self._tests(place, applied)
+                bent = self._to_try(tests) if turn == 0 and not applied else bent
+                chosen = self._selected(tests, [change.index for change in applied], is_robust=is_robust)
+                if chosen == before or not chosen:
+                    return Explanation(tests.price(chosen), tests, chosen, place), bent
+                before, changes = chosen, [Change(i, *s) for i, s in tests.sizes(chosen).items()]
+                place, converged = self._adjusted(place, changes)
+                applied = tuple(change for change in changes if self._hypotheses.is_bent[change.index])
+                price = tests.price(chosen) if converged else np.inf
+                best = Explanation(price, tests, chosen, place)
+                if self._is_spent:
+                    break
+        except ObseqError:
+            pass
+        return (best if best is not None and np.isfinite(best.price) else None), bent
+
+    def _adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool]:
+        place, converged, steps = self._model.adjusted(place, changes)
+        self._steps += steps
+        return place, converged
+
+    def _selected(self, tests: LinearTests, first: list[int], *, is_robust: bool) -> tuple[int, ...]:
+        """What explains a model at a place: from nothing, from what is far off there, from rows alone."""
+        found = [select(tests, first)]
+        if is_robust and not first and (suspects := _suspects(tests)):
+            found.append(select(tests, suspects))
+        if len(_cheapest(tests, found)) > 1:  # two rows may look like one group and another row
+            found.append(select(tests, rows_only=True))
+        return tuple(sorted(_cheapest(tests, found)))
+
+    def _to_try(self, tests: LinearTests) -> tuple[Change, ...]:
+        """Changes that are not linear and explain much, the most first."""
+        found = tests.tests(tests.given(()), blocks=False)
+        least = np.maximum(self._policy.share * tests.cost, found.limit)
+        which = np.flatnonzero(self._hypotheses.is_bent & (found.statistic > least))
+        which = which[np.argsort(-found.statistic[which], kind="stable")][: self._policy.trials]
+        return tuple(change_of(tests, int(i)) for i in which)
+
+
+def _cheapest(tests: LinearTests, found: list[list[int]]) -> list[int]:
+    return min(found, key=lambda chosen: tests.price(chosen))
+
+
+def _suspects(tests: LinearTests) -> list[int]:
+    """Rows that a robust place contradicts, the worst first: where backward elimination begins."""
+    which = np.flatnonzero(tests.hypotheses.is_start)
+    off = np.abs(tests.off[tests.hypotheses.columns])
+    worst = np.maximum.reduceat(off, tests.hypotheses.starts[:-1])[which] if len(off) else np.zeros(0)
+    order = np.argsort(-worst, kind="stable")
+    which = which[order][worst[order] > tests.policy.suspect]
+    return list(map(int, which[: tests.policy.begun]))

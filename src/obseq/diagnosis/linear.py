@@ -1,0 +1,115 @@
+"""A model linearised at a place of its unknowns: what every test of a hypothesis reads.
+
+The residuals v0 and the rows A are those of all equations at that place, divided by their sigmas. The place
+need not be the least-squares solution. For an error C g of the observations T = u' M^-1 u is exact in g, be
+it large, where the place is near the solution without the error: A and v0 are those of the truth there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.leastsquares.assembly.clusters import whitening_of
+from obseq.leastsquares.statistics.final_state import final_state
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from scipy.sparse import csc_array, csr_array
+
+    from obseq.arrays import FloatArray
+    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+
+_AT_A_TIME = 64
+"""Right-hand sides that are solved together: as many as stay in cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """All equations of a model at a place.
+
+    Attributes:
+        residuals: (n,) v0, whitened: computed minus observed over sigmas.
+        rows: (n, u) A, whitened.
+        whitening: (n, n) from residuals in their units to whitened ones.
+        cofactors: (u, u) Q on the pattern of the normal matrix.
+        leverages: (n,) a Q a' of each row.
+        solve: Q times right-hand sides (u,) or (u, k).
+        redundancy: Degrees of freedom.
+    """
+
+    residuals: FloatArray
+    rows: csr_array
+    whitening: csr_array
+    cofactors: csc_array
+    leverages: FloatArray
+    solve: Callable[[FloatArray], FloatArray]
+    redundancy: int
+
+    @property
+    def n(self) -> int:
+        """How many equations there are."""
+        return len(self.residuals)
+
+    def left(self, vectors: FloatArray) -> FloatArray:
+        """R times vectors (n,) or (n, k): what the unknowns do not take of them."""
+        if not self.rows.shape[1]:
+            return vectors
+        if vectors.ndim == 1:
+            return np.asarray(vectors - self.rows @ self.solve(self.rows.T @ vectors))
+        result = np.empty_like(vectors)
+        for first in range(0, vectors.shape[1], _AT_A_TIME):
+            part = vectors[:, first : first + _AT_A_TIME]
+            result[:, first : first + _AT_A_TIME] = part - self.rows @ self.solve(
+                np.ascontiguousarray(self.rows.T @ part)
+            )
+        return result
+
+
+def linearised(system: LeastSquares, result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
+    """The equations of some batches at a result with covariances; inactive ones are rows of zeros.
+
+    Args:
+        system: It was solved, or evaluated (`max_iterations=0`), without losses.
+        result: What came out, with covariances.
+        batches: All batches that count, in the order in which hypotheses number their equations.
+    """
+    from scipy.sparse import block_diag, csr_array, vstack
+
+    if not batches or not result.n_unknowns:
+        return _of_nothing(system, result, batches)
+    state = final_state(system, result)
+    roots = [whitening_of(batch) for batch in batches]
+    residuals = [
+        root @ np.where(batch.active[:, None], np.nan_to_num(result.residuals(batch)), 0.0).ravel()
+        for root, batch in zip(roots, batches, strict=True)
+    ]
+    return Linear(
+        np.concatenate(residuals),
+        csr_array(vstack([state.cluster_rows(batch) for batch in batches], format="csr")),
+        csr_array(block_diag(roots, format="csr")),
+        state.equations.pattern.matrix(state.cofactors.values),
+        np.concatenate([state.leverages(batch).ravel() for batch in batches]),
+        state.solve,
+        result.redundancy,
+    )
+
+
+def _of_nothing(system: LeastSquares, result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
+    """Equations without any unknown: residuals alone."""
+    from scipy.sparse import block_diag, csc_array, csr_array
+
+    roots = [whitening_of(batch) for batch in batches]
+    residuals = [
+        root @ np.nan_to_num(result.residuals(batch)).ravel()
+        for root, batch in zip(roots, batches, strict=True)
+    ]
+    values = np.concatenate([np.zeros(0), *residuals])
+    whitening = csr_array(block_diag(roots, format="csr")) if roots else csr_array((0, 0))
+    none = csr_array((len(values), 0))
+    return Linear(
+        values, none, whitening, csc_array((0, 0)), np.zeros(len(values)), np.asarray, result.redundancy
+    )

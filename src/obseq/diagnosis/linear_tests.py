@@ -1,0 +1,301 @@
+"""T of every hypothesis at one linearisation, given those that are accepted already.
+
+With R = I - A Q A', u = C' R v0 and M = C' R C of the columns C of a hypothesis:
+
+    T = u' M^- u,   estimate of its sizes M^- u, their covariance M^-
+
+Accepted hypotheses S are unknowns of the model. With B = L^-1 C_S' R, L L' = C_S' R C_S, all others keep
+u - (B C)' B v0 and M - (B C)' (B C). Nothing of the size of (equations x equations) is made: the diagonal
+of M comes from the selected inverse and from solves by columns, rows of C' R C only for what was accepted.
+Sources: W. Baarda 1968; P. Teunissen, Testing theory, Delft 2000, and J. Geod. 92 (2018).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.cached import cached_property
+from obseq.dataclass import dataclass
+from obseq.leastsquares.statistics.joint_levels import joint_critical
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scipy.sparse import csc_array
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.diagnosis.hypotheses import Hypotheses
+    from obseq.diagnosis.linear import Linear
+    from obseq.diagnosis.policy import Policy
+
+_CHUNK = 64
+_TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What errors of one unit add to computed minus observed.
+
+    Attributes:
+        matrix: (n, k), whitened.
+        is_local: (k,) whether the unknowns of its equations are all joined in the normal matrix.
+    """
+
+    matrix: csc_array
+    is_local: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What accepted hypotheses leave to the columns.
+
+    Attributes:
+        basis: (s, k) B C.
+        shown: (k,) u that is left.
+        took: What they take of the sum of squares.
+    """
+
+    basis: FloatArray
+    shown: FloatArray
+    took: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """T of all hypotheses.
+
+    Attributes:
+        statistic: (h,) T; 0 where nothing shows it.
+        limit: (h,) K that it must exceed.
+    """
+
+    statistic: FloatArray
+    limit: FloatArray
+
+
+class LinearTests:
+    """The tests of all hypotheses at one linearisation.
+
+    Attributes:
+        cost: Weighted sum of squares of the residuals of the linear model.
+        scale: Variance factor of the noise that tests reckon with.
+    """
+
+    def __init__(self, linear: Linear, columns: Columns, hypotheses: Hypotheses, policy: Policy) -> None:
+        """Weighs all columns.
+
+        Args:
+            linear: The model at a place.
+            columns: Of all hypotheses there.
+            hypotheses: What may be wrong.
+            policy: How it is judged.
+        """
+        self.linear, self.hypotheses, self.policy = linear, hypotheses, policy
+        norm = np.sqrt(np.asarray(columns.matrix.multiply(columns.matrix).sum(axis=0)).ravel())
+        self.norm = np.maximum(norm, _TINY)
+        self._columns = (columns.matrix / self.norm[None, :]).tocsc()
+        self._transposed = self._columns.T.tocsr()
+        left = linear.left(linear.residuals)
+        self.cost = float(left @ left)
+        self.off = np.asarray(self._transposed @ linear.residuals)
+        self.shown = np.asarray(self._transposed @ left)
+        self._across: dict[int, FloatArray] = {}
+        self._weight = self._first_weights(columns)
+        level = 1.0 - (1.0 - policy.false_alarm) ** (1.0 / max(len(hypotheses), 1))
+        self.level = float(f"{level:.1e}")  # so that limits are computed once for models of like size
+        self._ranks: dict[int, int] = {}
+        self.scale = 1.0
+
+    def limit(self, degrees: int) -> float:
+        """K of a test of so many degrees of freedom, for the variance factor of the noise."""
+        if not degrees:
+            return np.inf
+        return self.scale * joint_critical(self.level, self.policy.power, int(degrees))
+
+    @property
+    def rarity(self) -> FloatArray:
+        """(h,) what hypotheses must explain beyond their limits, for the variance factor of the noise."""
+        return np.asarray(self.scale * self.hypotheses.rarity)
+
+    @cached_property
+    def _single(self) -> IntArray:
+        """Hypotheses of one column."""
+        return np.flatnonzero(self.hypotheses.q == 1)
+
+    @cached_property
+    def _at_single(self) -> IntArray:
+        return np.asarray(self.hypotheses.columns[self.hypotheses.starts[:-1][self._single]])
+
+    @cached_property
+    def _sets(self) -> list[tuple[IntArray, IntArray, FloatArray]]:
+        """Observations of several equations, by their number: hypotheses, columns (g, q), and M (g, q, q)."""
+        wanted, found = self.hypotheses.q * ~self.hypotheses.is_block, []
+        for size in np.unique(wanted[wanted > 1]).tolist():
+            which = np.flatnonzero(wanted == size)
+            columns = self.hypotheses.columns[self.hypotheses.starts[which][:, None] + np.arange(size)]
+            found.append((which, columns, self._grams(columns)))
+        return found
+
+    @cached_property
+    def _blocks(self) -> IntArray:
+        """Hypotheses that take several observations out."""
+        return np.flatnonzero(self.hypotheses.is_block & (self.hypotheses.q > 1))
+
+    def _first_weights(self, columns: Columns) -> FloatArray:
+        """(k,) M of each column where it costs little; NaN of groups that are not looked at yet."""
+        matrix, n = self._columns, self.linear.n
+        entries = np.diff(matrix.indptr)
+        weights = np.where(entries == 0, 0.0, np.nan)
+        alone = np.flatnonzero(entries == 1)
+        weights[alone] = 1.0 - self.linear.leverages[matrix.indices[matrix.indptr[alone]]]
+        local = np.flatnonzero((entries > 1) & columns.is_local)
+        if local.size:
+            through = self.linear.rows.T @ matrix[:, local]
+            taken = np.asarray((self.linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
+            weights[local] = 1.0 - taken
+        self._is_screened = n > self.policy.large
+        return weights
+
+    def _grams(self, columns: IntArray) -> FloatArray:
+        """(g, q, q) C' R C of small sets of columns whose unknowns are all joined."""
+        g, q = columns.shape
+        flat = self._columns[:, columns.ravel()]
+        through = (self.linear.rows.T @ flat).tocsc()
+        lost, result = (self.linear.cofactors @ through).tocsc(), np.empty((g, q, q))
+        for i in range(q):
+            for j in range(i + 1):
+                own = flat[:, i::q].multiply(flat[:, j::q]).sum(axis=0)
+                off = lost[:, i::q].multiply(through[:, j::q]).sum(axis=0)
+                result[:, i, j] = result[:, j, i] = np.asarray(own - off).ravel()
+        return result
+
+    def _weigh(self, shown: FloatArray) -> None:
+        """Works out M of the columns that are wanted and not known yet."""
+        wanted = np.isnan(self._weight)
+        if self._is_screened:
+            wanted &= np.abs(shown) > self.policy.screen
+        for part in _parts(np.flatnonzero(wanted)):
+            dense = self._columns[:, part].toarray()
+            through = np.ascontiguousarray(self.linear.rows.T @ dense)
+            taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
+            self._weight[part] = 1.0 - taken
+
+    def rows_of(self, columns: IntArray) -> FloatArray:
+        """(m, k) C' R C of some columns with all."""
+        missing = np.array([k for k in dict.fromkeys(columns.tolist()) if k not in self._across], np.intp)
+        for part in _parts(missing):
+            left = self.linear.left(self._columns[:, part].toarray())
+            made = np.asarray(self._transposed @ left).T
+            self._across.update(zip(part.tolist(), made, strict=True))
+        if not len(columns):
+            return np.zeros((0, len(self.shown)))
+        return np.array([self._across[k] for k in columns.tolist()])
+
+    def given(self, chosen: Sequence[int]) -> Given:
+        """What is left to the columns when hypotheses are unknowns of the model."""
+        if not len(chosen):
+            return Given(np.zeros((0, len(self.shown))), self.shown, 0.0)
+        own = np.unique(np.concatenate([self.hypotheses.of(i) for i in chosen]))
+        rows = self.rows_of(own)
+        shares, axes = np.linalg.eigh(rows[:, own])
+        seen = shares > self.policy.unseen
+        half = axes[:, seen] / np.sqrt(shares[seen])
+        basis, along = half.T @ rows, half.T @ self.shown[own]
+        return Given(basis, self.shown - along @ basis, float(along @ along))
+
+    def tests(self, given: Given, skip: Sequence[int] = (), *, blocks: bool = True) -> Tested:
+        """T of every hypothesis and what it must exceed; of blocks where enough of their rows stand out."""
+        weight = self._left_of_weights(given)
+        seen = weight > self.policy.unseen
+        alone = np.where(seen, given.shown**2 / np.where(seen, weight, 1.0), 0.0)
+        statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int64)
+        statistic[self._single] = alone[self._at_single]
+        for which, columns, grams in self._sets:
+            across = given.basis[:, columns].transpose(1, 0, 2)
+            left = grams - across.transpose(0, 2, 1) @ across
+            statistic[which], degrees[which] = _joint(left, given.shown[columns], self.policy.unseen)
+        for i in self._standing_out(alone) if blocks else ():
+            own = self.hypotheses.of(i)
+            left = self.rows_of(own)[:, own] - given.basis[:, own].T @ given.basis[:, own]
+            found, rank = _joint(left[None], given.shown[own][None], self.policy.unseen)
+            statistic[i], degrees[i] = found[0], rank[0]
+        statistic[list(skip)] = 0.0
+        limits = np.array([self.limit(d) for d in range(int(degrees.max(initial=1)) + 1)])
+        return Tested(statistic, limits[degrees])
+
+    def _left_of_weights(self, given: Given) -> FloatArray:
+        """(k,) M of each column alone, the accepted hypotheses being unknowns."""
+        self._weigh(given.shown)
+        return np.asarray(np.nan_to_num(self._weight) - np.einsum("ij,ij->j", given.basis, given.basis))
+
+    def within(self, chosen: Sequence[int], index: int) -> IntArray:
+        """Hypotheses of one column that are no more than special cases of one of several columns."""
+        rest = [i for i in chosen if i != index]
+        seen = [self._left_of_weights(self.given(who)) > self.policy.unseen for who in (rest, chosen)]
+        return self._single[(seen[0] & ~seen[1])[self._at_single]]
+
+    def _standing_out(self, alone: FloatArray) -> list[int]:
+        """Blocks most of whose rows are off."""
+        blocks = self._blocks
+        if not blocks.size:
+            return []
+        least = max(np.sqrt(self.limit(1)) - 1.0, 0.0) ** 2
+        off = np.append(0, np.cumsum(alone[self.hypotheses.columns] > least))
+        count = off[self.hypotheses.starts[1:]] - off[self.hypotheses.starts[:-1]]
+        need = np.maximum(2, self.policy.whole * self.hypotheses.q)
+        return list(map(int, blocks[count[blocks] >= need[blocks]]))
+
+    def rank(self, index: int) -> int:
+        """Degrees of freedom of a hypothesis alone."""
+        if self.hypotheses.q[index] == 1:
+            return 1
+        if index not in self._ranks:
+            own = self.hypotheses.of(index)
+            shares = np.linalg.eigvalsh(self.rows_of(own)[:, own])
+            self._ranks[index] = max(int(np.count_nonzero(shares > self.policy.unseen)), 1)
+        return self._ranks[index]
+
+    def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Estimates and covariance of the sizes of hypotheses together, in lengths of their columns."""
+        own = np.concatenate([self.hypotheses.of(i) for i in chosen])
+        shares, axes = np.linalg.eigh(self.rows_of(own)[:, own])
+        seen = shares > self.policy.unseen
+        covariance = (axes[:, seen] / shares[seen]) @ axes[:, seen].T
+        return covariance @ self.shown[own], covariance
+
+    def sizes(self, chosen: Sequence[int]) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Estimates and standard deviations (q,) of chosen hypotheses together, in their units."""
+        if not len(chosen):
+            return {}
+        estimates, covariance = self.inverse(chosen)
+        spread, found, start = np.sqrt(np.maximum(np.diag(covariance), 0.0)), {}, 0
+        for i in chosen:
+            own = self.hypotheses.of(i)
+            part = slice(start, start + len(own))
+            found[int(i)] = estimates[part] / self.norm[own], spread[part] / self.norm[own]
+            start += len(own)
+        return found
+
+    def due(self, chosen: Sequence[int]) -> float:
+        """What hypotheses must take away to be believed: the limit of the test of each, and its rarity."""
+        return float(sum(self.limit(self.rank(i)) + self.rarity[i] for i in chosen))
+
+    def price(self, chosen: Sequence[int]) -> float:
+        """What remains with hypotheses accepted, and what is due for them."""
+        return self.cost - self.given(chosen).took + self.due(chosen)
+
+
+def _parts(which: IntArray) -> list[IntArray]:
+    """Numbers of columns, some at a time."""
+    return [which[first : first + _CHUNK] for first in range(0, len(which), _CHUNK)]
+
+
+def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray]:
+    """T and degrees of freedom of sets (g,), from M (g, q, q) and u (g, q)."""
+    shares, axes = np.linalg.eigh(weights)
+    seen = shares > unseen
+    along = np.einsum("gij,gi->gj", axes, shown)
+    parts = np.where(seen, along**2 / np.where(seen, shares, 1.0), 0.0)
+    return parts.sum(axis=1), seen.sum(axis=1)

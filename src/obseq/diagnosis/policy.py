@@ -1,0 +1,57 @@
+"""The numbers by which errors are judged, all of them, each with its reason."""
+
+from __future__ import annotations
+
+import math
+
+from obseq.dataclass import dataclass
+
+
+@dataclass(frozen=True)
+class Policy:
+    """How errors are judged.
+
+    Attributes:
+        false_alarm: Probability of any accusation where nothing is wrong, all tests together. Chosen.
+        power: B-method: tests of any number of equations find the same error with it (Baarda's 80 %).
+        odds: Likelihood ratio from which one explanation is told from another: 5, 20, 100 gave the same.
+        unseen: Share of its own weight below which a column shows nothing: its inverse magnifies rounding.
+        suspect: Sigmas, at the robust place, from which backward elimination starts: beyond any noise.
+        whole: Share of the rows of a block that must be off: two errors in one set-up are no wrong set-up.
+        share: Share of all squares that an effect which is not linear must explain to be tried as what it is.
+        most: Errors that are told one by one.
+        begun: Suspects from which backward elimination starts, the worst of them.
+        rounds: Linearisations at most, for one explanation.
+        trials: Changes, or starts without one row, that are adjusted anew.
+        near: Standard deviations within which a slip fits.
+        chance: Probability of a fit by any error, above which a slip with a free choice is not told.
+        large: Equations from which groups are tested only where a screen asks for it.
+        screen: |u| over the length of a column, from which its group is tested there. Without error one in
+            twenty passes; an error that its test would find is lost only where the group shows a sixth of it.
+        steps: Iterations of all adjustments together.
+    """
+
+    false_alarm: float = 0.005
+    power: float = 0.80
+    odds: float = 20.0
+    unseen: float = 1e-4
+    suspect: float = 6.0
+    whole: float = 0.6
+    share: float = 0.1
+    most: int = 12
+    begun: int = 60
+    rounds: int = 4
+    trials: int = 4
+    near: float = 3.0
+    chance: float = 0.35
+    large: int = 5000
+    screen: float = 2.0
+    steps: int = 240
+
+    @property
+    def margin(self) -> float:
+        """Squares by which the price of one explanation must be lower to be told from another."""
+        return 2.0 * math.log(self.odds)
+
+
+POLICY = Policy()

@@ -1,0 +1,148 @@
+"""Which hypotheses together explain a model at one linearisation: selection by what they cost.
+
+Their price is what they leave of the squares, the limit of the test of each, and how rare it is. Backward
+elimination, forward selection, exchanges (errors that mask each other) and blocks in place of their rows.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.diagnosis.linear_tests import LinearTests, Tested
+
+_TOLERANCE = 1e-6
+"""Relative difference of prices that is rounding."""
+_EXCHANGES = 4
+
+
+def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = False) -> list[int]:
+    """Hypotheses that explain a model, from some to begin with.
+
+    Args:
+        tests: At one linearisation.
+        first: Where the selection begins.
+        rows_only: Leave out what concerns several observations.
+    """
+    chosen, most = list(first), tests.policy.most
+    for _ in range(3 * most):
+        chosen = kept(tests, chosen)
+        found = tests.tests(tests.given(chosen), chosen, blocks=False)
+        gain = gains(tests, found)
+        if rows_only:
+            gain[~tests.hypotheses.is_start] = -np.inf
+        best = int(np.argmax(gain)) if len(gain) else -1
+        if best < 0 or not np.isfinite(gain[best]) or len(chosen) >= most:
+            break
+        chosen.append(best)
+    return simplified(tests, merged(tests, exchanged(tests, chosen)))
+
+
+def gains(tests: LinearTests, found: Tested) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """(h,) by how much each hypothesis lowers the price; minus infinity where its test does not reject."""
+    passed = found.statistic > found.limit
+    return np.where(passed, found.statistic - found.limit - tests.rarity, -np.inf)
+
+
+def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
+    """Those of some hypotheses that pass their own test, the others being given: backward elimination."""
+    left = list(chosen)
+    while left:
+        estimates, covariance = tests.inverse(left)
+        shares, start = [], 0
+        for i in left:
+            part = slice(start, start := start + int(tests.hypotheses.q[i]))
+            inverse = np.linalg.pinv(covariance[part, part], rcond=1e-9, hermitian=True)
+            statistic = float(estimates[part] @ inverse @ estimates[part])
+            shares.append(statistic / tests.limit(tests.rank(i)))
+        worst = int(np.argmin(shares))
+        if shares[worst] > 1.0:
+            break
+        left.pop(worst)
+    return left
+
+
+def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
+    """The same after exchanges of one for another that lower the price."""
+    now = list(chosen)
+    for _ in range(_EXCHANGES):
+        price, better = tests.price(now), None
+        for i in now if len(now) <= tests.policy.most else ():
+            rest = [j for j in now if j != i]
+            given = tests.given(rest)
+            found = tests.tests(given, rest, blocks=bool(tests.hypotheses.q[i] > 1))
+            prices = tests.cost - given.took + tests.due(rest) - gains(tests, found)
+            j = int(np.argmin(prices))
+            if j != i and prices[j] < price - _TOLERANCE * (1e3 + abs(price)):
+                price, better = float(prices[j]), [*rest, j]
+        if better is None:
+            return now
+        now = kept(tests, better)
+    return now
+
+
+def merged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
+    """The same where a block takes the place of most of its rows, and costs less."""
+    now = list(chosen)
+    for _ in range(tests.policy.most if len(now) > 1 else 0):
+        price, better = tests.price(now), None
+        for block in _mostly(tests, now):
+            if tests.hypotheses.needs_slip[block] or block in now:
+                continue
+            other = [*(i for i in now if i not in inside(tests, now, block)), block]
+            if (found := tests.price(other)) < price:
+                price, better = found, other
+        if better is None:
+            return now
+        now = better
+    return now
+
+
+def simplified(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
+    """The same with a special case of one column in place of several, where nothing contradicts that."""
+    now = list(chosen)
+    for i in [i for i in now if tests.hypotheses.q[i] > 1]:
+        special = tests.within(now, i)
+        if not special.size:
+            continue
+        rest = [j for j in now if j != i]
+        given = tests.given(rest)
+        taken = tests.tests(given, rest, blocks=False).statistic[special]
+        best = int(np.argmax(taken))
+        whole = tests.given(now).took - given.took
+        if whole - taken[best] <= tests.limit(tests.rank(i) - 1):
+            now = [*rest, int(special[best])]
+    return now
+
+
+def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
+    """Blocks most of whose rows are among what is chosen: they have nothing else of their own to show."""
+    hypotheses = tests.hypotheses
+    blocks = np.flatnonzero(hypotheses.is_block)
+    if not blocks.size:
+        return []
+    held = np.concatenate([hypotheses.of(i) for i in chosen])
+    count = np.append(0, np.cumsum(np.isin(hypotheses.columns, held)))
+    inner = count[hypotheses.starts[1:]] - count[hypotheses.starts[:-1]]
+    some = blocks[inner[blocks] >= np.maximum(2, tests.policy.whole * hypotheses.q[blocks])]
+    return [j for j in some.tolist() if len(inside(tests, chosen, j)) >= needed(tests, j)]
+
+
+def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
+    """Blocks that hold most of what is chosen, and are told only where a slip explains them."""
+    return [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]] if len(chosen) > 1 else []
+
+
+def needed(tests: LinearTests, block: int) -> float:
+    """How many rows of a block must be off."""
+    return max(2.0, tests.policy.whole * float(tests.hypotheses.q[block]))
+
+
+def inside(tests: LinearTests, chosen: Sequence[int], block: int) -> list[int]:
+    """Those of some hypotheses all of whose columns a block has."""
+    own = set(tests.hypotheses.of(block).tolist())
+    return [i for i in chosen if i != block and set(tests.hypotheses.of(i).tolist()) <= own]

@@ -1,0 +1,76 @@
+"""What a diagnosis says."""
+
+from __future__ import annotations
+
+import enum
+from typing import TYPE_CHECKING
+
+from obseq.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from obseq.diagnosis.protocol import Change, Slip
+
+
+class Status(enum.StrEnum):
+    """How a diagnosis ends."""
+
+    ACCEPTED = "accepted"
+    EXPLAINED = "explained"
+    UNEXPLAINED = "unexplained"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another explanation of one error, which nothing tells from the best.
+
+    Attributes:
+        change: The hypothesis and how large the error is.
+        test: T of it.
+    """
+
+    change: Change
+    test: float
+
+
+@dataclass(frozen=True, eq=False)
+class Accusation:
+    """One error.
+
+    Attributes:
+        change: The hypothesis that explains it best, and how large the error is.
+        test: T, given the other accusations.
+        limit: K.
+        others: What nothing tells from it.
+        slips: What may be behind it.
+    """
+
+    change: Change
+    test: float
+    limit: float
+    others: tuple[Alternative, ...] = ()
+    slips: tuple[Slip, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What is wrong with a model.
+
+    Attributes:
+        status: Whether nothing, something, or something unknown is wrong.
+        accused: The errors, the clearest first.
+        left: Weighted sum of squares that the accusations leave.
+        redundancy: Its degrees of freedom.
+        reason: Why nothing was decided, or what was not tried; "" for nothing to say.
+    """
+
+    status: Status
+    accused: tuple[Accusation, ...] = ()
+    left: float = 0.0
+    redundancy: int = 0
+    reason: str = ""
+
+    @property
+    def is_honest(self) -> bool:
+        """Whether nothing is wrong."""
+        return self.status is Status.ACCEPTED

@@ -1,0 +1,247 @@
+"""The stochastic model: what observations of named instruments are worth, centring of both ends included.
+
+Standard deviations without centring stand in the observations as they are read. Centring depends on
+distances: it is added once the points have their first values. With s of the kind, centring c_i of the
+instrument and c_t of the target (m, per axis), c_v of either in height, d between the points, z the zenith
+angle, the variances are:
+
+- direction, azimuth: s^2 + (c_i^2 + c_t^2) / d^2, d horizontal;
+- angle, with d' to its backsight, u and u' along the sights:
+  s^2 + c_t^2 (1/d^2 + 1/d'^2) + c_i^2 |u/d - u'/d'|^2;
+- slope distance: (a + b d)^2 + sin^2 z (c_i^2 + c_t^2) + cos^2 z 2 c_v^2;
+- horizontal distance: (a + b d)^2 + c_i^2 + c_t^2;
+- zenith angle: s^2 + (cos^2 z (c_i^2 + c_t^2) + sin^2 z 2 c_v^2) / d^2.
+
+STAR*NET has the same. Standard errors that stand in its lines hold their centring, unless `.ADDCENTERING` is
+on.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import InputError
+from obseq.formats.default_sigmas import CENTRING, NAMES, quantity
+from obseq.reading.text import read_text
+from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
+from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.survey.kinds.kind import ObservationKind
+    from obseq.survey.model import FieldBook
+    from obseq.survey.model import IntArray as Numbers
+    from obseq.survey.network import Network
+
+NAME_OF: dict[ObservationKind, str] = {
+    ANGLE: "angle",
+    AZIM: "azimuth",
+    HZ: "direction",
+    ZEN: "zenith",
+    DIST: "distance",
+    DIST_HZ: "distance",
+    DH: "height",
+}
+"""What a standard deviation of each kind is called."""
+SHORTEST = 1e-3
+"""Distance (m) below which centring says nothing more: points that coincide so far."""
+Sigmas = Mapping[str, float]
+"""Standard deviations by name (`default_sigmas.NAMES`), in metres, radians or parts."""
+
+
+@dataclass(frozen=True)
+class StochasticModel:
+    """What observations are worth, by instrument.
+
+    Attributes:
+        default: Of instruments without a name, or with one that is not here.
+        instruments: Of named instruments; what one does not say is that of the default.
+
+    Example:
+        >>> model = StochasticModel({"direction": 5e-6}, {"TS": {"direction": 2e-6}})
+        >>> model.of("TS")["direction"], model.of("")["direction"]
+        (2e-06, 5e-06)
+    """
+
+    default: Sigmas = field(default_factory=dict)
+    instruments: Mapping[str, Sigmas] = field(default_factory=dict)
+
+    def of(self, instrument: str) -> Sigmas:
+        """Standard deviations of an instrument; "" for none."""
+        return {**self.default, **self.instruments.get(instrument, {})}
+
+    @property
+    def has_centring(self) -> bool:
+        """Whether anything depends on the places of points."""
+        return any(name in given for given in (self.default, *self.instruments.values()) for name in CENTRING)
+
+    def weighing(self, network: Network) -> Network:
+        """The network with the standard deviations of the model in place of those of its files.
+
+        Observations of kinds of which the model says nothing keep theirs, as do correlated ones.
+        """
+        book, rows = network.book, network.book.observations
+        sigmas, relative = rows.sigmas.copy(), rows.relative_sigmas.copy()
+        taken = np.zeros(len(rows), np.bool_)
+        free = np.ones(len(rows), np.bool_)
+        for cluster in book.clusters:
+            free[cluster.rows] = False
+        for given, kind, chosen in self._parts(book, free & rows.active):
+            name = NAME_OF[kind]
+            if name in given:
+                sigmas[chosen] = given[name]
+                relative[chosen] = given.get("distance-ppm", 0.0) if name == "distance" else 0.0
+                taken[chosen] = True
+        told = f"standard deviations of {int(taken.sum())} observations are those of the stochastic model"
+        observations = replace(rows, sigmas=sigmas, relative_sigmas=relative)
+        weighed = replace(network, book=replace(book, observations=observations).warned(told))
+        return self.centring(weighed, taken)
+
+    def centring(self, network: Network, chosen: BoolArray) -> Network:
+        """The network with the centring of instruments and targets in the sigmas of some observations.
+
+        Args:
+            network: With standard deviations without centring.
+            chosen: (n,) which observations get it.
+        """
+        rows = network.book.observations
+        if not (self.has_centring and chosen.any()):
+            return network
+        sights = _Sights(network)
+        sigmas, relative = rows.sigmas.copy(), rows.relative_sigmas.copy()
+        told, lost = [], 0
+        for given, kind, alike in self._parts(network.book, chosen & rows.active):
+            variances = sights.variances(kind, alike, given)
+            placed = np.isfinite(variances)
+            lost += int(np.count_nonzero(~placed))
+            those = alike[placed]
+            share = relative[those] * (sights.lengths(kind, those) if kind in (DIST, DIST_HZ) else 0.0)
+            sigmas[those] = np.sqrt((sigmas[those] + share) ** 2 + variances[placed])
+            relative[those] = 0.0
+            if those.size:
+                told.append(_told(kind, sigmas[those]))
+        text = f"with centring the standard deviations are: {'; '.join(told)}"
+        if lost:
+            text += f"; {lost} observations of points without a place are without it"
+        observations = replace(rows, sigmas=sigmas, relative_sigmas=relative)
+        book = replace(network.book, observations=observations).warned(*([text] if told or lost else []))
+        return replace(network, book=book)
+
+    def _parts(self, book: FieldBook, chosen: BoolArray) -> list[tuple[Sigmas, ObservationKind, IntArray]]:
+        """Observations by instrument and kind: what the model says of them, the kind, the rows."""
+        groups: dict[tuple[int, int], list[int]] = defaultdict(list)
+        rows = book.observations
+        for row in np.flatnonzero(chosen & np.isin(rows.types, [kind.code for kind in NAME_OF])).tolist():
+            groups[int(rows.groups[row]), int(rows.types[row])].append(row)
+        kinds = {kind.code: kind for kind in NAME_OF}
+        names = {-1: "", **{k: group.name for k, group in enumerate(book.groups)}}
+        return [
+            (self.of(names[group]), kinds[code], np.array(found)) for (group, code), found in groups.items()
+        ]
+
+
+class _Sights:
+    """Sights at the first values of their points."""
+
+    def __init__(self, network: Network) -> None:
+        self._rows = network.book.observations
+        initial = network.fieldwork.initial_values()
+        self._xyz = np.where(np.isfinite(initial.coordinates), initial.coordinates, np.nan)
+        self._network = network
+
+    def _between(self, rows: IntArray, targets: Numbers) -> tuple[FloatArray, FloatArray]:
+        """(n, 3) sights of rows to points, and (n, 3) upwards, at the points where instruments stand."""
+        found, frame = self._rows, self._network.frame
+        origins = found.from_points[rows]
+        up = np.zeros((len(rows), 3))
+        up[:, 2] = 1.0
+        if not frame.is_plane:
+            placed = np.isfinite(self._xyz[origins]).all(axis=1)
+            up[placed] = frame.system.vertical_rotation(self._xyz[origins[placed]])[:, 2]
+        sights = self._xyz[targets] - self._xyz[origins]
+        lift = found.to_heights[rows] - found.from_heights[rows]
+        return sights + lift[:, None] * up, up
+
+    def lengths(self, kind: ObservationKind, rows: IntArray) -> FloatArray:
+        """(n,) distances, horizontal ones where these were measured."""
+        sights, up = self._between(rows, self._rows.to_points[rows])
+        if kind is DIST_HZ:
+            sights = sights - np.einsum("ij,ij->i", sights, up)[:, None] * up
+        return np.asarray(np.linalg.norm(sights, axis=1))
+
+    def variances(self, kind: ObservationKind, rows: IntArray, given: Sigmas) -> FloatArray:
+        """(n,) what centring adds to the variances of observations of a kind; NaN without places."""
+        instrument, target, vertical = (given.get(name, 0.0) ** 2 for name in CENTRING)
+        sights, up = self._between(rows, self._rows.to_points[rows])
+        rise = np.einsum("ij,ij->i", sights, up)
+        level = sights - rise[:, None] * up
+        flat = np.maximum(np.linalg.norm(level, axis=1), SHORTEST)
+        slope = np.maximum(np.linalg.norm(sights, axis=1), SHORTEST)
+        plan = instrument + target
+        if kind in (HZ, AZIM):
+            return np.asarray(plan / flat**2)
+        if kind is DIST_HZ:
+            return np.where(np.isfinite(flat), plan, np.nan)
+        if kind is DIST:
+            return np.asarray((flat**2 * plan + rise**2 * 2.0 * vertical) / slope**2)
+        if kind is ZEN:
+            return np.asarray((rise**2 * plan + flat**2 * 2.0 * vertical) / slope**4)
+        if kind is ANGLE:
+            back, _ = self._between(rows, self._rows.backsights[rows])
+            back = back - np.einsum("ij,ij->i", back, up)[:, None] * up
+            own = level / flat[:, None] ** 2
+            other = back / np.maximum(np.linalg.norm(back, axis=1), SHORTEST)[:, None] ** 2
+            ends = np.sum(own**2, axis=1) + np.sum(other**2, axis=1)
+            return np.asarray(target * ends + instrument * np.sum((own - other) ** 2, axis=1))
+        return np.zeros(len(rows))
+
+
+def _told(kind: ObservationKind, sigmas: FloatArray) -> str:
+    """How large standard deviations are, in words."""
+    unit, factor = ("cc", 2e6 / np.pi) if kind.is_angle else ("mm", 1e3)
+    low, high = (f"{value * factor:.3g}" for value in (sigmas.min(), sigmas.max()))
+    return f"{kind.words} {low} to {high} {unit} ({len(sigmas)})"
+
+
+def read_stochastic(path: str | Path) -> StochasticModel:
+    """The model of a file in TOML: values by name, and a table for each instrument.
+
+    `direction = "3sec"`, `distance = "2mm + 2ppm"`, `instrument-centring = "1mm"`, ... are of all, and those
+    after `[instrument.NAME]` of that instrument.
+
+    Raises:
+        InputError: The file is no TOML, or a name or a value is not known; it is named.
+    """
+    text = "\n".join(read_text(path).lines)
+    try:
+        given = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: no TOML: {error}") from None
+    instruments = given.pop("instrument", {})
+    if not isinstance(instruments, dict):
+        raise InputError(f"{path}: [instrument.NAME] begins what is of one instrument")
+    tables = {str(name): _sigmas(f"{path}: instrument {name}", table) for name, table in instruments.items()}
+    return StochasticModel(_sigmas(str(path), given), tables)
+
+
+def _sigmas(where: str, table: object) -> Sigmas:
+    if not isinstance(table, dict):
+        raise InputError(f'{where}: names and values are expected, such as direction = "3sec"')
+    found: dict[str, float] = {}
+    for name, value in table.items():
+        if name not in NAMES or not isinstance(value, str):
+            raise InputError(f'{where}: {name!r} is none of {", ".join(NAMES)} with a text such as "3sec"')
+        first, _, more = value.partition("+")
+        found[name] = quantity(where, name, first.strip())
+        if more:
+            found["distance-ppm"] = quantity(where, f"{name}-ppm", more.strip())
+    return found

@@ -1,0 +1,1 @@
+"""What results are made of: typed records that adjustments fill and reports print."""

@@ -1,0 +1,172 @@
+"""The hypotheses of a network, made once; their columns, made at each linearisation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.diagnosis.linear_tests import Columns
+from obseq.survey.causes.registry import CAUSES
+
+if TYPE_CHECKING:
+    from obseq.arrays import IntArray
+    from obseq.diagnosis.linear import Linear
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.causes.cause import Cause, Groups
+    from obseq.survey.causes.effects import Effects
+    from obseq.survey.causes.notes import Notes
+
+ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
+_RARITY = {ROW: 0.0, KNOWN: 1.0, KNOWN_PLAN: 4.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """What one hypothesis is.
+
+    Attributes:
+        code: Of its cause.
+        rows: Of the field book, that it concerns.
+        known: Point and component (0 to 2) of the known coordinates that it concerns.
+        cause: None for single observations and known coordinates.
+        groups, number: Where it stands among the groups of the cause.
+    """
+
+    code: str
+    rows: IntArray
+    known: tuple[tuple[int, int], ...] = ()
+    cause: Cause | None = None
+    groups: Groups | None = None
+    number: int = 0
+
+
+class Catalogue:
+    """What may be wrong with a network.
+
+    Attributes:
+        hypotheses: In the order single observations, known coordinates, causes.
+        rows: (m,) the observation of each equation of observations.
+        known: (k, 2) point and component of each equation of known coordinates.
+    """
+
+    def __init__(self, notes: Notes, equations: Equations) -> None:
+        """Makes them.
+
+        Args:
+            notes: The network.
+            equations: Its equations.
+        """
+        self.notes = notes
+        none = np.zeros(0, np.int64)
+        kept = [rows[batch.active] for rows, batch in equations.batches.values()]
+        self.rows = np.concatenate([none, *(rows for rows, _ in equations.batches.values())])
+        self.known = equations.known.coordinates()
+        self._active = np.zeros(len(notes.book.observations), np.bool_)
+        self._active[np.concatenate([none, *kept])] = True
+        self._column = np.full(len(notes.book.observations), -1, np.int64)
+        self._column[self.rows] = np.arange(len(self.rows))
+        self._single: list[tuple[Cause, Groups]] = []
+        self._parts: list[tuple[Cause, Groups]] = []
+        self.hypotheses = Hypotheses([*self._alone(), *self._of_causes()])
+
+    def _alone(self) -> list[Family]:
+        """Single observations, known coordinates, and both plan coordinates of a point."""
+        own = np.flatnonzero(self._active[self.rows])
+        first, points, components = len(self.rows), self.known[:, 0], self.known[:, 1]
+        plan = np.flatnonzero(components < 2)
+        plan = plan[np.lexsort((components[plan], points[plan]))]
+        pairs = np.flatnonzero(np.diff(points[plan]) == 0)
+        both = np.column_stack([plan[pairs], plan[pairs + 1]]) if pairs.size else np.zeros((0, 2), np.int64)
+        return [
+            Family.alone(ROW, own, _RARITY[ROW], is_start=True),
+            Family.alone(KNOWN, first + np.arange(len(points)), _RARITY[KNOWN], is_start=True),
+            Family(
+                KNOWN_PLAN,
+                2 * np.arange(len(both) + 1),
+                first + both.ravel(),
+                _RARITY[KNOWN_PLAN],
+                is_block=True,
+            ),
+        ]
+
+    def _of_causes(self) -> list[Family]:
+        """All others: columns of their own, or those of their rows."""
+        self._n_alone = len(self.rows) + len(self.known)
+        families, start, seen = [], self._n_alone, set[tuple[str, int]]()
+        marks = np.random.default_rng(0).integers(1 << 62, size=len(self._active), dtype=np.uint64)
+        for cause in CAUSES:
+            for groups in cause.where(self.notes, self._active):
+                groups = _not_seen(groups, marks, cause, seen)
+                if not len(groups):
+                    continue
+                self._parts.append((cause, groups))
+                about = {"needs_slip": cause.needs_slip, "is_bent": cause.is_bent}
+                if cause.effect is None:
+                    columns = self._column[groups.rows]
+                    families.append(
+                        Family(cause.code, groups.starts, columns, cause.rarity, is_block=True, **about)
+                    )
+                else:
+                    self._single.append((cause, groups))
+                    columns = start + np.arange(len(groups))
+                    start += len(groups)
+                    families.append(Family.alone(cause.code, columns, cause.rarity, **about))
+        return families
+
+    def columns(self, linear: Linear, equations: Equations, effects: Effects) -> Columns:
+        """What errors of one unit do to the equations, at a linearisation."""
+        from scipy.sparse import coo_array
+
+        scales = equations.scales(effects.coordinates)
+        first, n = len(self.rows), linear.n
+        own = np.append(-scales[self.rows], np.full(len(self.known), -1.0))
+        values, places, columns, start = [own], [np.arange(n)], [np.arange(n)], self._n_alone
+        for cause, groups in self._single:
+            assert cause.effect is not None
+            change = cause.effect(effects) * scales
+            values.append(change[groups.rows])
+            places.append(self._column[groups.rows])
+            columns.append(start + np.repeat(np.arange(len(groups)), np.diff(groups.starts)))
+            start += len(groups)
+        entries = (np.concatenate(values), (np.concatenate(places), np.concatenate(columns)))
+        matrix = (linear.whitening @ coo_array(entries, shape=(n, start)).tocsr()).tocsc()
+        is_local = np.arange(start) < first + len(self.known)
+        return Columns(matrix, is_local)
+
+    def named(self, index: int) -> Named:
+        """What a hypothesis is."""
+        family, k = self.hypotheses.place(index)
+        code = self.hypotheses.families[family].code
+        if family == 0:
+            return Named(code, self.rows[self.hypotheses.of(index)])
+        if family < 3:
+            own = self.known[self.hypotheses.of(index) - len(self.rows)]
+            return Named(code, np.zeros(0, np.int64), tuple((int(p), int(c)) for p, c in own))
+        cause, groups = self._parts[family - 3]
+        return Named(code, groups.rows[groups.starts[k] : groups.starts[k + 1]], (), cause, groups, k)
+
+
+def _not_seen(groups: Groups, marks: Any, cause: Cause, seen: set[tuple[str, int]]) -> Groups:
+    """Those of some groups of which no other has the same effect on the same rows."""
+    if not len(groups):
+        return groups
+    keys = np.add.reduceat(marks[groups.rows], groups.starts[:-1]).tolist()
+    kind = cause.code
+    kept = np.zeros(len(keys), np.bool_)
+    for k, key in enumerate(keys):
+        if (kind, key) not in seen:
+            seen.add((kind, key))
+            kept[k] = True
+    if kept.all():
+        return groups
+    counts = np.diff(groups.starts)
+    return replace(
+        groups,
+        starts=np.append(0, np.cumsum(counts[kept])),
+        rows=groups.rows[np.repeat(kept, counts)],
+        labels=groups.labels[kept],
+    )

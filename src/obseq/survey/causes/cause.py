@@ -1,0 +1,108 @@
+"""What a cause is: where it may be, which observations it changes, and by how much."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.survey.causes.effects import Effects
+    from obseq.survey.causes.notes import Notes
+
+
+@dataclass(frozen=True, eq=False)
+class Scope:
+    """What observations share that one mistake concerns: a set-up, a file, a point.
+
+    Attributes:
+        name: Stable name, such as "file".
+        labels: Number of what each observation is of; negative for none.
+        words: What one of them is called.
+    """
+
+    name: str
+    labels: Callable[[Notes], IntArray]
+    words: Callable[[Notes, int, IntArray], str]
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Groups of observations.
+
+    Attributes:
+        scope: What those of a group share.
+        starts: (h + 1,) where the rows of each begin in `rows`.
+        rows: Of the field book.
+        labels: (h,) number of what they share.
+    """
+
+    scope: Scope
+    starts: IntArray
+    rows: IntArray
+    labels: IntArray
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A kind of mistake.
+
+    Attributes:
+        code: Stable code, such as "S120"; its meaning never changes.
+        name: In one or two words.
+        about: What it means, in a sentence.
+        example: How it comes about.
+        remedy: What to do.
+        unit: Of its size: "m", "rad", or "" for a ratio.
+        rarity: Twice the logarithm of how much rarer than one wrong reading it is.
+        scopes: Where it may be.
+        takes: Which observations it changes.
+        effect: What one unit of it adds to computed minus observed; None where each observation has an
+            error of its own.
+        least: Observations that it concerns at least.
+        needs_slip: Whether it is told only with a slip that explains it.
+        is_bent: Whether the effect of a large error is far from linear.
+        groups: Its groups, where those of the scopes are not what is wanted.
+    """
+
+    code: str
+    name: str
+    about: str
+    example: str
+    remedy: str
+    unit: str
+    rarity: float
+    scopes: tuple[Scope, ...]
+    takes: Callable[[Notes], BoolArray]
+    effect: Callable[[Effects], FloatArray] | None = None
+    least: int = 2
+    needs_slip: bool = False
+    is_bent: bool = False
+    groups: Callable[[Cause, Notes, BoolArray], list[Groups]] | None = None
+
+    def where(self, notes: Notes, active: BoolArray) -> list[Groups]:
+        """All groups in which it may be."""
+        if self.groups is not None:
+            return self.groups(self, notes, active)
+        mask = active & self.takes(notes)
+        return [grouped(scope, scope.labels(notes), mask, self.least) for scope in self.scopes]
+
+
+def grouped(scope: Scope, labels: IntArray, mask: BoolArray, least: int) -> Groups:
+    """The groups of observations (a mask) of one label, of some at least."""
+    rows = np.flatnonzero(mask & (labels >= 0))
+    rows = rows[np.argsort(labels[rows], kind="stable")]
+    own = labels[rows]
+    firsts = np.flatnonzero(np.append(True, np.diff(own) != 0)) if len(own) else np.zeros(0, np.int64)
+    counts = np.diff(np.append(firsts, len(own)))
+    kept = counts >= least
+    which = np.repeat(kept, counts)
+    return Groups(scope, np.append(0, np.cumsum(counts[kept])), rows[which], own[firsts[kept]])

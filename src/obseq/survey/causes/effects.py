@@ -1,0 +1,72 @@
+"""What errors of one unit do to what observations should be, where the points are: derivatives of sights."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.cached import cached_property
+from obseq.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.causes.notes import Notes
+
+_SHORTEST = 1e-3
+"""Length of a sight (m) below which nothing is divided by it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Effects:
+    """Sights between points at some coordinates; all arrays have one entry for each observation.
+
+    Attributes:
+        notes: The network.
+        coordinates: (p, 3) of the points.
+        vectors: (n, 3) from instrument to target, heights included; NaN where a point has no place.
+        up: (n, 3) vertical of the instrument.
+    """
+
+    notes: Notes
+    coordinates: FloatArray
+    vectors: FloatArray
+    up: FloatArray
+
+    @classmethod
+    def of(cls, notes: Notes, equations: Equations, coordinates: FloatArray) -> Effects:
+        """Those of a network, its heights as its field book gives them."""
+        rows = notes.book.observations
+        up = equations.verticals(rows.from_points.astype(np.int64), coordinates)
+        places = np.full((len(notes.book.point_names), 3), np.nan)
+        places[: len(coordinates)] = coordinates
+        raised = (rows.to_heights - rows.from_heights)[:, None] * up
+        return cls(notes, coordinates, places[rows.to_points] - places[rows.from_points] + raised, up)
+
+    @property
+    def ones(self) -> FloatArray:
+        """Of a constant that all readings are too large by: computed minus observed is too small."""
+        return np.full(len(self.vectors), -1.0)
+
+    @property
+    def values(self) -> FloatArray:
+        """Of a scale by which all values are too large."""
+        return np.asarray(-self.notes.book.observations.values)
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Of the sights (m)."""
+        return np.asarray(np.maximum(np.nan_to_num(np.linalg.norm(self.vectors, axis=1)), _SHORTEST))
+
+    @cached_property
+    def raised(self) -> FloatArray:
+        """Of a height of the target that is a metre too large."""
+        rise = np.nan_to_num(np.einsum("ni,ni->n", self.vectors, self.up))
+        flat = np.sqrt(np.maximum(self.lengths**2 - rise**2, 0.0))
+        turned = -flat / self.lengths**2
+        notes = self.notes
+        ones = np.ones(len(rise))
+        kinds = [notes.is_zenith, notes.is_slope, notes.is_rise]
+        found: FloatArray = np.select(kinds, [turned, rise / self.lengths, ones], 0.0)
+        return found

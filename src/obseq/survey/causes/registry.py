@@ -1,0 +1,24 @@
+"""All causes of surveys: a new one is an object in a file of its own, and a line here."""
+
+from __future__ import annotations
+
+from obseq.survey.causes.circle import CIRCLE
+from obseq.survey.causes.distance_constant import CONSTANT
+from obseq.survey.causes.distance_scale import SCALE
+from obseq.survey.causes.index_error import INDEX
+from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
+from obseq.survey.causes.target_height import TARGET_HEIGHT
+from obseq.survey.causes.wrong_standpoint import STANDPOINT
+from obseq.survey.causes.wrong_target import TARGET
+
+CAUSES = (
+    CIRCLE,
+    INSTRUMENT_HEIGHT,
+    TARGET_HEIGHT,
+    INDEX,
+    CONSTANT,
+    SCALE,
+    TARGET,
+    STANDPOINT,
+)
+"""Where one column would be made twice, the first has it."""

@@ -1,0 +1,54 @@
+"""What observations may share: the scopes of causes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.causes.cause import Scope
+
+if TYPE_CHECKING:
+    from obseq.arrays import IntArray
+    from obseq.survey.causes.notes import Notes
+
+
+def _setup(notes: Notes, label: int, rows: IntArray) -> str:
+    origin = notes.book.point_names[notes.book.stations.origins[label]]
+    return f"set-up {origin} ({notes.book.place(int(rows[0]))})"
+
+
+def _sight(notes: Notes, _label: int, rows: IntArray) -> str:
+    observations = notes.book.observations
+    ends = observations.from_points[rows[0]], observations.to_points[rows[0]]
+    origin, target = (notes.book.point_names[end] for end in ends)
+    return f"{origin} -> {target} ({notes.book.place(int(rows[0]))})"
+
+
+def _point(notes: Notes, label: int, _rows: IntArray) -> str:
+    return notes.book.point_names[label]
+
+
+SETUP = Scope("setup", lambda notes: notes.setups, _setup)
+SIGHT = Scope("sight", lambda notes: notes.sights, _sight)
+FILE = Scope(
+    "file",
+    lambda notes: notes.book.observations.file_indices.astype(np.int64),
+    lambda notes, label, _rows: notes.book.files[label],
+)
+INSTRUMENT = Scope(
+    "instrument",
+    lambda notes: notes.instruments,
+    lambda notes, label, _rows: f"instrument {notes.book.groups[label].name}",
+)
+FROM = Scope(
+    "from",
+    lambda notes: notes.book.observations.from_points.astype(np.int64),
+    lambda notes, label, rows: f"from {_point(notes, label, rows)}",
+)
+TO = Scope(
+    "to",
+    lambda notes: notes.book.observations.to_points.astype(np.int64),
+    lambda notes, label, rows: f"to {_point(notes, label, rows)}",
+)
+ALL = Scope("all", lambda notes: np.zeros(len(notes.book.observations), np.int64), lambda *_: "all")

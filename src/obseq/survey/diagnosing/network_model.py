@@ -1,0 +1,262 @@
+"""A survey network as the engine of the diagnosis sees it: equations at places, adjustments with changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from obseq.cached import cached_property
+from obseq.diagnosis.linear import linearised
+from obseq.errors import SingularSystemError
+from obseq.leastsquares.iterations.arrival import Options
+from obseq.leastsquares.iterations.strategies import GaussNewton
+from obseq.leastsquares.problem.losses import GemanMcClure, Huber
+from obseq.survey.adjustment.kept_equations import KeptEquations
+from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, Catalogue
+from obseq.survey.causes.effects import Effects
+from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
+from obseq.survey.causes.notes import Notes
+from obseq.survey.causes.target_height import TARGET_HEIGHT
+from obseq.survey.kinds.registry import IS_ANGLE, codes_where
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from obseq.arrays import FloatArray
+    from obseq.diagnosis.hypotheses import Hypotheses
+    from obseq.diagnosis.linear import Linear
+    from obseq.diagnosis.linear_tests import Columns
+    from obseq.diagnosis.protocol import Change, Slip
+    from obseq.leastsquares import Batch, LeastSquaresResult
+    from obseq.leastsquares.problem.unknowns import State
+    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.causes.cause import Cause
+    from obseq.survey.initial.left_out import Determined
+    from obseq.survey.model import FieldBook, Points
+
+NO_WEIGHT = 1e6
+"""Times its sigma, an observation has no influence; what it alone determines stays where it is."""
+_STAGES = ((Huber(1.5), 14, 0.3), (GemanMcClure(8.0), 6, 0.1), (GemanMcClure(4.0), 6, 0.1))
+"""Losses of the robust start, the most iterations with each, and how near they come (standard deviations)."""
+_FOLLOW = 3
+"""Verticals and refraction are computed anew after so many iterations of the robust start."""
+_ITERATIONS, _TOLERANCE = 20, 1e-4
+_HELD = 0.1
+"""Of the smallest sigma of a length: the sigma with which held coordinates are doubted."""
+
+
+class Place(NamedTuple):
+    """Where the unknowns of a network are.
+
+    Rotations are those to the frame, and stand in the state too: given to initial values alone, they would be
+    turned by deflections of the vertical a second time.
+    """
+
+    coordinates: FloatArray
+    rotations: FloatArray
+    state: State
+
+
+def place_of(equations: Equations) -> Place:
+    """Where the unknowns of some equations are now."""
+    system = equations.system
+    return Place(
+        system.values(equations.points), equations.instruments.rotations(system), system.unknowns.state()
+    )
+
+
+class NetworkModel:
+    """One network: what may be wrong with it is made once, its equations change numbers only.
+
+    Attributes:
+        given: The network, held coordinates with a sigma.
+        catalogue: What may be wrong.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Determined], Equations],
+        given: Determined,
+        solved: tuple[Equations, LeastSquaresResult] | None,
+    ) -> None:
+        """Takes a network.
+
+        Args:
+            make: A network with its initial values -> its equations.
+            given: The network, where its iterations start.
+            solved: Its equations and their solution with covariances; None where there is none.
+        """
+        self._equations = KeptEquations(make)
+        self._solved = solved
+        points = doubted(given.points, given.book)
+        self._is_as_given = points is given.points
+        self.given = replace(given, points=points)
+        self.notes = Notes(self.given.points, self.given.book)
+
+    @cached_property
+    def catalogue(self) -> Catalogue:
+        """What may be wrong."""
+        equations = self._solved[0] if self._solved and self._is_as_given else self._equations(self.given)
+        return Catalogue(self.notes, equations)
+
+    @property
+    def hypotheses(self) -> Hypotheses:
+        """The same, as the engine sees it."""
+        return self.catalogue.hypotheses
+
+    @cached_property
+    def _solution(self) -> Place | None:
+        """Where the adjustment as given ended."""
+        if self._solved is None or not self._solved[1].converged:
+            return None
+        equations, result = self._solved
+        rotations = equations.instruments.rotations(result)
+        place = Place(result.values(equations.points), rotations, result.state)
+        return place if self._is_as_given else self.adjusted(place, ())[0]
+
+    def solution(self) -> Place | None:
+        """Where the adjustment as given ended; None where it did not converge."""
+        return self._solution
+
+    def robust(self, without: Sequence[Change] = ()) -> Place:
+        """Where iterations with redescending losses lead from the initial values."""
+        equations = self._equations(self._corrected(without))
+        system, batches = equations.system, _batches(equations)
+
+        def before(iteration: int) -> None:
+            if iteration % _FOLLOW == 0:
+                equations.follow(system, iteration)
+            else:
+                equations.linearise()
+
+        try:
+            for loss, count, near in _STAGES:
+                for batch in batches:
+                    batch.loss = loss
+                analysis = system.analysis(reduced=True)
+                analysis.iterate(
+                    GaussNewton(), Options(count, near), analysis.redundancy, before, lambda _: None
+                )
+        except SingularSystemError:
+            pass  # what has been found so far is what there is
+        finally:
+            for batch in batches:
+                batch.loss = None
+        return place_of(equations)
+
+    def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
+        """All equations as they are given, at a place; heights that are applied, in the geometry."""
+        if not applied and place is self._solution and self._is_as_given and self._solved is not None:
+            equations, result = self._solved
+            book = self.given.book
+        else:
+            heights = self._corrected([one for one in applied if self._is_height(one)])
+            equations, book = self._at(heights, place), heights.book
+            equations.follow(equations.system, 0)
+            result = _solved(equations, max_iterations=0, covariance=True)
+        linear = linearised(equations.system, result, _batches(equations))
+        notes = self.notes if book is self.given.book else Notes(self.given.points, book)
+        effects = Effects.of(notes, equations, place.coordinates)
+        return linear, self.catalogue.columns(linear, equations, effects)
+
+    def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
+        """Where least squares without some errors lead from a place."""
+        equations = self._at(self._corrected(changes), place)
+        result = _solved(
+            equations,
+            max_iterations=_ITERATIONS,
+            tolerance=_TOLERANCE,
+            before_iteration=equations.follow,
+            covariance=False,
+        )
+        return place_of(equations), result.converged, len(result.iterations)
+
+    def slips(self, change: Change, place: Place) -> tuple[Slip, ...]:
+        """The slips that may be behind an error."""
+        return ()
+
+    def _at(self, given: Determined, place: Place) -> Equations:
+        """The equations of a network, its unknowns at a place."""
+        initial = replace(given.initial, coordinates=place.coordinates, rotations=place.rotations)
+        equations = self._equations(replace(given, initial=initial))
+        equations.system.unknowns.restore(place.state)
+        return equations
+
+    def _is_height(self, change: Change) -> bool:
+        return self.hypotheses.code(change.index) in (INSTRUMENT_HEIGHT.code, TARGET_HEIGHT.code)
+
+    def _corrected(self, changes: Sequence[Change]) -> Determined:
+        """The network without errors: rows out, constants and heights put right, known coordinates freed."""
+        if not changes:
+            return self.given
+        points, observations = self.given.points, self.given.book.observations
+        sigmas, values = points.sigmas.copy(), observations.values.copy()
+        weights = observations.sigmas.copy()
+        instruments, targets = observations.from_heights.copy(), observations.to_heights.copy()
+        for change in changes:
+            named = self.catalogue.named(change.index)
+            if named.code in (KNOWN, KNOWN_PLAN):
+                for point, component in named.known:
+                    sigmas[point, component] *= NO_WEIGHT
+            elif named.code == INSTRUMENT_HEIGHT.code:
+                instruments[named.rows] -= change.size[0]
+            elif named.code == TARGET_HEIGHT.code:
+                targets[named.rows] -= change.size[0]
+            elif len(change.size) == len(named.rows) and (named.cause is None or named.cause.effect is None):
+                weights[named.rows] *= NO_WEIGHT
+                if self.given.book.clusters:  # those have weights of their own
+                    values[named.rows] -= change.size
+            else:
+                assert named.cause is not None
+                effect = self._still_effect(named.cause)
+                values[named.rows] += effect[named.rows] * change.size[0]
+        changed = replace(
+            observations, values=values, sigmas=weights, from_heights=instruments, to_heights=targets
+        )
+        book = replace(self.given.book, observations=changed)
+        return replace(self.given, book=book, points=replace(points, sigmas=sigmas))
+
+    def _still_effect(self, cause: Cause) -> FloatArray:
+        """(n,) what a unit of a cause that is no height adds to computed minus observed, anywhere."""
+        nowhere = np.zeros((len(self.notes.book.observations), 3))
+        assert cause.effect is not None
+        return cause.effect(Effects(self.notes, np.zeros((0, 3)), nowhere, nowhere))
+
+
+def doubted(points: Points, book: FieldBook) -> Points:
+    """Points whose held coordinates have a small sigma: an error in them is seen like any other."""
+    held = points.is_held
+    if not held.any() or points.in_datum.any():
+        return points
+    observations = book.observations
+    named = np.zeros(len(points), np.bool_)
+    level = np.isin(observations.types, codes_where(lambda kind: kind.is_levelled))
+    for ends in (observations.from_points, observations.to_points):
+        found = ends[observations.active & ~level]
+        named[found[found < len(points)]] = True
+    wanted = held & np.column_stack([named, named, np.ones(len(points), np.bool_)])
+    lengths = observations.sigmas[observations.active & ~IS_ANGLE[observations.types]]
+    sigma = _HELD * (float(lengths.min()) if lengths.size else 1e-3)
+    return replace(points, sigmas=np.where(wanted, sigma, points.sigmas))
+
+
+def _batches(equations: Equations) -> list[Batch]:
+    """All batches: those of observations, then those of known coordinates."""
+    return [*(batch for _, batch in equations.batches.values()), *equations.known.places()]
+
+
+def _solved(equations: Equations, **options: Any) -> LeastSquaresResult:
+    """The solution; of a network that rows out have left free to move, the one that moves points least."""
+    system = equations.system
+    try:
+        return system.solve(**options)
+    except SingularSystemError:
+        if system.datum.scalars.size:
+            raise
+        system.set_datum(equations.points)
+        try:
+            return system.solve(**options)
+        finally:
+            system.set_datum([])

@@ -1,0 +1,210 @@
+"""The engine on a linear model: T against adjustments with the columns as unknowns, and what it accuses."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, identity
+
+from obseq.diagnosis.engine import diagnose
+from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.diagnosis.linear import Linear
+from obseq.diagnosis.linear_tests import Columns, LinearTests
+from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.protocol import Change, Slip
+from obseq.diagnosis.verdict import Status
+
+Array = NDArray[np.float64]
+N, U = 40, 6
+DRIFT, BLOCK = "T2", "T3"
+
+
+def rows_of(seed: int) -> tuple[Array, Array]:
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(N, U)), rng.normal(size=N)
+
+
+def hypotheses() -> Hypotheses:
+    """Single rows, an offset of the first eight rows, and the same eight rows as a block."""
+    return Hypotheses(
+        [
+            Family.alone("T1", np.arange(N), is_start=True),
+            Family.alone(DRIFT, np.array([N]), rarity=4.0),
+            Family(BLOCK, np.array([0, 8]), np.arange(8), rarity=8.0, is_block=True),
+        ]
+    )
+
+
+def columns() -> Array:
+    offset = np.zeros((N, 1))
+    offset[:8] = -2.0
+    return np.hstack([-np.eye(N), offset])
+
+
+class Linearly:
+    """A model whose equations are linear: residuals v0 + A x, x where it is."""
+
+    def __init__(self, matrix: Array, noise: Array) -> None:
+        self.matrix, self.observed = matrix, noise
+        self.hypotheses = hypotheses()
+        self.adjustments = 0
+
+    def solution(self) -> Array | None:
+        return self._at(())
+
+    def robust(self, without: Sequence[Change] = ()) -> Array:
+        place = self._at(without)
+        for _ in range(30):
+            off = self.observed + self.matrix @ place
+            weights = 1.0 / np.maximum(np.abs(off), 1e-3)
+            normal = self.matrix.T @ (weights[:, None] * self.matrix)
+            place = np.asarray(np.linalg.solve(normal, -self.matrix.T @ (weights * self.observed)))
+        return place
+
+    def linearised(self, place: Array, applied: Sequence[Change]) -> tuple[Linear, Columns]:
+        inverse = np.linalg.inv(self.matrix.T @ self.matrix)
+        leverages = np.einsum("ij,jk,ik->i", self.matrix, inverse, self.matrix)
+        linear = Linear(
+            self.observed + self.matrix @ place,
+            csr_array(self.matrix),
+            csr_array(identity(N)),
+            csc_array(inverse),
+            leverages,
+            lambda right: inverse @ right,
+            N - U,
+        )
+        return linear, Columns(csc_array(columns()), np.arange(N + 1) < N)
+
+    def adjusted(self, place: Array, changes: Sequence[Change]) -> tuple[Array, bool, int]:
+        self.adjustments += 1
+        return self._at(changes), True, 1
+
+    def _at(self, changes: Sequence[Change]) -> Array:
+        off = self.observed.copy()
+        for change in changes:
+            off -= columns()[:, self.hypotheses.of(change.index)] @ change.size
+        return np.asarray(-np.linalg.lstsq(self.matrix, off, rcond=None)[0])
+
+    def slips(self, change: Change, place: Array) -> tuple[Slip, ...]:
+        return ()
+
+
+def cost(matrix: Array, observed: Array) -> float:
+    return float(np.sum((observed - matrix @ np.linalg.lstsq(matrix, observed, rcond=None)[0]) ** 2))
+
+
+def linear_tests(model: Linearly, place: Array) -> LinearTests:
+    return LinearTests(*model.linearised(place, ()), model.hypotheses, POLICY)
+
+
+@pytest.mark.parametrize("chosen", [(), (3,), (3, 20), (N,), (N + 1,)])
+def test_statistics_are_what_columns_as_unknowns_take(chosen: tuple[int, ...]) -> None:
+    matrix, noise = rows_of(1)
+    noise[:8] += 30.0
+    model = Linearly(matrix, noise)
+    tests = linear_tests(model, np.full(U, 5.0))  # anywhere: linear models are alike at all places
+    given = tests.given(chosen)
+    own = [model.hypotheses.of(i) for i in chosen]
+    known = np.hstack([matrix, *(columns()[:, part] for part in own)])
+    before = cost(known, noise)
+    assert tests.cost - given.took == pytest.approx(before)
+    found = tests.tests(given, chosen)
+    for index in range(len(model.hypotheses)):
+        if index in chosen or (chosen == (N + 1,) and index < 8):
+            continue
+        whole = np.hstack([known, columns()[:, model.hypotheses.of(index)]])
+        if np.linalg.matrix_rank(whole) == whole.shape[1]:
+            assert found.statistic[index] == pytest.approx(before - cost(whole, noise)), index
+
+
+def test_sizes_are_those_of_the_adjustment_with_them_as_unknowns() -> None:
+    matrix, noise = rows_of(2)
+    noise[5] += 1e4
+    model = Linearly(matrix, noise)
+    sizes = linear_tests(model, np.zeros(U)).sizes([5, N])
+    whole = np.hstack([matrix, columns()[:, [5, N]]])
+    found = np.linalg.lstsq(whole, noise, rcond=None)[0]
+    spread = np.sqrt(np.diag(np.linalg.inv(whole.T @ whole)))
+    for k, index in enumerate((5, N)):
+        assert sizes[index][0] == pytest.approx([found[U + k]])
+        assert sizes[index][1] == pytest.approx([spread[U + k]])
+
+
+def test_large_models_are_tested_through_the_screen_alike() -> None:
+    matrix, noise = rows_of(3)
+    noise[:8] -= 20.0
+    model = Linearly(matrix, noise)
+    linear, of = model.linearised(np.zeros(U), ())
+    plain = LinearTests(linear, of, model.hypotheses, POLICY)
+    screened = LinearTests(linear, of, model.hypotheses, replace(POLICY, large=1))
+    found = [one.tests(one.given(())).statistic[N] for one in (plain, screened)]
+    assert found[0] == pytest.approx(found[1]) and found[0] > 100.0
+    quiet = Linearly(*rows_of(4))
+    screened = LinearTests(*quiet.linearised(np.zeros(U), ()), quiet.hypotheses, replace(POLICY, large=1))
+    assert screened.tests(screened.given(())).statistic[N] == 0.0  # not looked at: nothing asks for it
+
+
+def test_nothing_is_accused_where_nothing_is_wrong() -> None:
+    for seed in range(20):
+        model = Linearly(*rows_of(seed))
+        verdict = diagnose(model)
+        assert verdict.status is Status.ACCEPTED, seed
+        assert not verdict.accused and model.adjustments == 0
+        assert verdict.left == pytest.approx(cost(*rows_of(seed)))
+
+
+@pytest.mark.parametrize("size", [12.0, 1e3, 1e7])
+def test_wrong_rows_are_accused_with_their_sizes(size: float) -> None:
+    matrix, noise = rows_of(5)
+    noise[[11, 25, 33]] -= size, 1.1 * size, -size
+    model = Linearly(matrix, noise)
+    verdict = diagnose(model)
+    assert verdict.status is Status.EXPLAINED
+    assert sorted(one.change.index for one in verdict.accused) == [11, 25, 33]
+    for one in verdict.accused:
+        expected = {11: size, 25: 1.1 * size, 33: -size}[one.change.index]
+        assert abs(one.change.size[0] - expected) < 5.0 * one.change.sigma[0]
+        assert one.test > one.limit and not one.others
+    assert verdict.redundancy == N - U - 3
+    assert model.adjustments >= 1  # no accusation without an adjustment with it
+
+
+def test_one_offset_is_told_in_place_of_its_rows() -> None:
+    matrix, noise = rows_of(6)
+    noise[:8] -= 2.0 * 40.0
+    (one,) = diagnose(Linearly(matrix, noise)).accused
+    assert one.change.index == N
+    assert abs(one.change.size[0] - 40.0) < 5.0 * one.change.sigma[0]
+
+
+def test_a_block_takes_the_place_of_its_rows_where_most_are_off() -> None:
+    matrix, noise = rows_of(7)
+    noise[:8] += np.array([50.0, -80.0, 30.0, -60.0, 90.0, -40.0, 70.0, 20.0])
+    verdict = diagnose(Linearly(matrix, noise))
+    assert [one.change.index for one in verdict.accused] == [N + 1]
+    matrix, noise = rows_of(7)
+    noise[:2] += np.array([50.0, -80.0])
+    verdict = diagnose(Linearly(matrix, noise))
+    assert sorted(one.change.index for one in verdict.accused) == [0, 1]
+
+
+def test_what_nothing_tells_apart_is_told_together() -> None:
+    matrix, noise = rows_of(8)
+    matrix[:, 5] = 0.0
+    matrix[[30, 31], 5] = 1.0  # an unknown that two rows alone see: each controls the other
+    noise[30] += 1e3
+    verdict = diagnose(Linearly(matrix, noise))
+    (one,) = verdict.accused
+    assert {one.change.index, *(other.change.index for other in one.others)} == {30, 31}
+
+
+def test_noise_that_is_larger_than_announced_accuses_only_what_stands_out_of_it() -> None:
+    matrix, noise = rows_of(9)
+    verdict = diagnose(Linearly(matrix, 10.0 * noise))
+    assert verdict.status is Status.UNEXPLAINED and not verdict.accused
+    noise[17] += 30.0
+    verdict = diagnose(Linearly(matrix, 10.0 * noise))
+    assert verdict.status is Status.UNEXPLAINED
+    assert [one.change.index for one in verdict.accused] == [17]
