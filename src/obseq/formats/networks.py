@@ -25,7 +25,7 @@ from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
 from obseq.survey.kinds.vectors import VECTOR
 from obseq.survey.model import merge_points
-from obseq.survey.network import GIVEN, Network
+from obseq.survey.network import Network
 from obseq.survey.point_file_options import PointFileOptions
 
 LEAST_TURN = 1e-4
@@ -89,7 +89,7 @@ def read_project_network(
     systems = project.systems(frame, points_crs)
     points = project.points_in(systems[1] or systems[0])
     network = Network.assembled(points, project.book, *systems, coefficient, watch, faces)
-    datum = GIVEN if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
+    datum = network.datum if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
     network = replace(
         network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
     )

@@ -26,7 +26,7 @@ from obseq.errors import InputError
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
-from obseq.survey.adjustment.datum import Datum
+from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.adjustment.drawing import network_html, network_text
 from obseq.survey.adjustment.frame import Frame, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
@@ -36,6 +36,7 @@ from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.initial.initial_values import InitialValues
+from obseq.survey.initial.own_frame import placed_in_own_frame
 from obseq.survey.model import join
 from obseq.survey.point_file_options import PointFileOptions
 
@@ -280,7 +281,13 @@ class Network:
             replace(points, coordinates=coordinates),
             book.warned(*repetitions(book), *implausible_sigmas(points, book)),
         )
-        return cls(points, book, Frame(computation, refraction), given, watch.seconds)
+        frame_of_network = Frame(computation, refraction)
+        own = None if frame_of_network.has_place else placed_in_own_frame(points, book)
+        if own is None:
+            return cls(points, book, frame_of_network, given, watch.seconds)
+        points, told = own
+        free = Datum(DatumKind.INNER)
+        return cls(points, book.warned(told), frame_of_network, given, watch.seconds, datum=free)
 
     @property
     def point_system(self) -> PointSystem:

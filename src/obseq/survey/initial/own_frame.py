@@ -1,0 +1,120 @@
+"""A frame for a network in which nothing is known: a point is its origin, a sight from there its orientation.
+
+Two points are enough: from them the others are placed as from known points. Where no distance is measured,
+the first one is said to be `UNIT` long.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import BY_CODE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.survey.model import FieldBook, Points
+
+UNIT = 100.0
+"""Metres between the first two points of a network without any distance."""
+_USED = (Start.HZ, Start.ANGLE, Start.ZENITH, Start.FLAT, Start.DISTANCE, Start.RISE)
+
+
+class _Sight(NamedTuple):
+    """From a point to another."""
+
+    origin: int
+    target: int
+
+
+def placed_in_own_frame(points: Points, book: FieldBook) -> tuple[Points, str] | None:
+    """The points with coordinates for two of them, and what to say of it; None where something is known.
+
+    Args:
+        points: Of a plane with or without heights, numbered like the field book.
+        book: The observations.
+    """
+    if np.isfinite(points.coordinates[:, :2]).any():
+        return None
+    measured = _measured(book)
+    sight = _first_sight(measured)
+    if sight is None:
+        return None
+    length = _length(measured, sight)
+    azimuth = measured[Start.HZ].get(sight, 0.0)
+    coordinates = points.coordinates.copy()
+    flat = UNIT if length is None else length
+    coordinates[sight.origin, :2] = 0.0
+    coordinates[sight.target, :2] = flat * math.sin(azimuth), flat * math.cos(azimuth)
+    for row, height in ((sight.origin, 0.0), (sight.target, _rise(measured, sight, flat))):
+        if np.isnan(coordinates[row, 2]):
+            coordinates[row, 2] = height
+    origin, target = points.names[sight.origin], points.names[sight.target]
+    told = (
+        f"no point has coordinates: the network is placed in a frame of its own, {origin} at 0 0 and the "
+        f"azimuth to {target} {'as its circle has it' if sight in measured[Start.HZ] else '0'}; its datum "
+        "is that of inner constraints"
+    )
+    if length is None:
+        told += (
+            f". No distance is measured: {origin} - {target} is taken as {UNIT:g} m, its scale says nothing"
+        )
+    return replace(points, coordinates=coordinates), told
+
+
+def _measured(book: FieldBook) -> dict[Start, dict[_Sight, float]]:
+    """The first value of each sort between two points."""
+    found: dict[Start, dict[_Sight, float]] = {start: {} for start in _USED}
+    for start, sight, value in _rows(book):
+        found[start].setdefault(sight, value)
+    return found
+
+
+def _rows(book: FieldBook) -> Iterator[tuple[Start, _Sight, float]]:
+    rows = book.observations
+    columns = (rows.types, rows.from_points, rows.to_points, rows.values, rows.active)
+    for code, origin, target, value, active in zip(*(column.tolist() for column in columns), strict=True):
+        start = BY_CODE[code].start
+        if active and start in _USED and origin != target:
+            yield start, _Sight(origin, target), value
+
+
+def _first_sight(measured: dict[Start, dict[_Sight, float]]) -> _Sight | None:
+    """The sight to begin with: with a length if there is one, from the point that sees most."""
+    seen = Counter(sight.origin for start in (Start.HZ, Start.ANGLE) for sight in measured[start])
+    met = Counter(sight.target for start in (Start.HZ, Start.ANGLE) for sight in measured[start])
+    lengths = [*measured[Start.FLAT], *measured[Start.DISTANCE]]
+    directed = list(measured[Start.HZ])
+    sighted = [sight for sight in directed if _length(measured, sight) is not None]
+    for sights in (sighted, lengths, directed, list(measured[Start.ANGLE])):
+        if sights:
+            return max(sights, key=lambda sight: (seen[sight.origin], met[sight.target]))
+    return None
+
+
+def _length(measured: dict[Start, dict[_Sight, float]], sight: _Sight) -> float | None:
+    """The horizontal distance of a sight, measured from either end."""
+    for way in (sight, _Sight(sight.target, sight.origin)):
+        if way in measured[Start.FLAT]:
+            return measured[Start.FLAT][way]
+        if way in measured[Start.DISTANCE]:
+            slope = measured[Start.DISTANCE][way]
+            zenith = measured[Start.ZENITH].get(way)
+            rise = measured[Start.RISE].get(way, 0.0)
+            level = math.sqrt(max(slope**2 - rise**2, 0.0)) if zenith is None else slope * math.sin(zenith)
+            return abs(level) or None
+    return None
+
+
+def _rise(measured: dict[Start, dict[_Sight, float]], sight: _Sight, flat: float) -> float:
+    """The height difference of a sight, as far as it was measured."""
+    if sight in measured[Start.RISE]:
+        return measured[Start.RISE][sight]
+    zenith = measured[Start.ZENITH].get(sight, math.pi / 2.0)
+    return flat / math.tan(zenith) if math.sin(zenith) > 1e-3 else 0.0

@@ -1,0 +1,76 @@
+"""Networks of which nothing is known: placed in a frame of their own, adjusted with inner constraints."""
+
+import numpy as np
+import pytest
+
+from obseq.errors import ObseqError
+from obseq.survey import Network, network_from_tables
+
+PLACES = {"A": (0.0, 0.0), "B": (60.0, 10.0), "C": (20.0, 70.0), "D": (90.0, 80.0)}
+
+
+def table(kinds, between):
+    """Observations without errors, seen from A and B with circles of their own; nothing of the points."""
+    rows = []
+    for origin, turn in (("A", 0.3), ("B", 2.1)):
+        for target in between:
+            if target == origin:
+                continue
+            (x, y), (u, v) = PLACES[origin], PLACES[target]
+            values = {"Hz": (np.arctan2(u - x, v - y) - turn) % (2 * np.pi), "DistHz": np.hypot(u - x, v - y)}
+            rows += [(kind, origin, target, values[kind], 1e-5 if kind == "Hz" else 1e-3) for kind in kinds]
+    return dict(
+        zip(("type", "from", "to", "value", "sigma"), map(list, zip(*rows, strict=True)), strict=True)
+    )
+
+
+def shape(points):
+    """Distances between all points."""
+    xy = points.coordinates[[points.names.index(name) for name in PLACES], :2]
+    return np.linalg.norm(xy[:, None] - xy[None], axis=2)
+
+
+XY = np.array([*PLACES.values()])
+TRUE = np.linalg.norm(XY[:, None] - XY[None], axis=2)
+
+
+def free(kinds, between="ABCD"):
+    known = {"name": list(PLACES), "x": [None] * 4, "y": [None] * 4, "z": [0.0] * 4, "sz": [0.0] * 4}
+    return network_from_tables(known, table(kinds, between))
+
+
+def test_a_free_network_keeps_its_shape():
+    network = free(("Hz", "DistHz"))
+    adjusted = network.adjust()
+    np.testing.assert_allclose(shape(adjusted.points), TRUE, atol=1e-9)
+    assert adjusted.solution.redundancy == 12 - (8 + 2 - 3)
+    assert "placed in a frame of its own" in " ".join(network.book.warnings)
+
+
+def test_angles_alone_have_a_scale_of_their_own():
+    network = free(("Hz",))
+    adjusted = network.adjust()
+    found = shape(adjusted.points)
+    np.testing.assert_allclose(found / found[0, 1], TRUE / TRUE[0, 1], atol=1e-8)
+    assert "No distance is measured" in " ".join(network.book.warnings)
+
+
+def test_one_known_point_leaves_the_choice_to_it():
+    known = {"name": ["A"], "x": [5.0], "y": [6.0], "z": [0.0], "sx": [0.0], "sy": [0.0], "sz": [0.0]}
+    network = network_from_tables(known, table(("Hz", "DistHz"), "ABCD"))
+    assert "a frame of its own" not in " ".join(network.book.warnings)
+
+
+def test_the_case_of_three_stations_that_do_not_see_each_other(shared_data):
+    """Own dense solution with a pseudo-inverse: 0.889742, redundancy 26."""
+    network = Network.read_project(shared_data / "survey-cases/16-free-network-no-coordinates/net.gkf")
+    adjusted = network.adjust()
+    assert adjusted.sigma0 == pytest.approx(0.889742, abs=5e-7)
+    assert adjusted.solution.redundancy == 26
+
+
+def test_observations_that_place_nothing_are_still_refused():
+    known = {"name": ["A", "B"], "x": [None] * 2, "y": [None] * 2, "z": [None] * 2}
+    rows = {"type": ["Zen"], "from": ["A"], "to": ["B"], "value": [1.5], "sigma": [1e-5]}
+    with pytest.raises(ObseqError, match="no point is known"):
+        network_from_tables(known, rows).adjust()
