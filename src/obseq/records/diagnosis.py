@@ -51,12 +51,14 @@ class SuspectRecord(Record, frozen=True, omit_defaults=False):
         what: What it is called: the observation, the point or the group, with file and line.
         observations: Those that it concerns.
         points: The known coordinates that it concerns.
+        images: Names of the images that it concerns as a whole.
     """
 
     code: str
     what: str
     observations: tuple[PlaceRecord, ...] = ()
     points: tuple[KnownRecord, ...] = ()
+    images: tuple[str, ...] = ()
 
 
 class AccusedRecord(SuspectRecord, frozen=True, omit_defaults=False):

@@ -49,14 +49,14 @@ def accused(one: Accusation, catalogue: Catalogue, units: Units) -> AccusedRecor
         suspect.what,
         suspect.observations,
         suspect.points,
-        text,
-        sizes,
-        tuple(map(float, one.change.sigma)),
-        unit or "",
-        one.test,
-        one.limit,
-        others,
-        slips,
+        text=text,
+        size=sizes,
+        sigma=tuple(map(float, one.change.sigma)),
+        unit=unit or "",
+        test=one.test,
+        limit=one.limit,
+        others=others,
+        slips=slips,
     )
 
 
@@ -65,7 +65,7 @@ def rewriting_record(one: Rewritten, notes: Notes) -> AccusedRecord:
     places = _places(notes, one.rows.tolist())
     known = tuple(KnownRecord(notes.points.names[p], c) for p in one.known.tolist() for c in COMPONENTS)
     slips = (SlipRecord(one.slip, one.text),) if one.slip else ()
-    return AccusedRecord(one.code, one.what, places, known, one.text, slips=slips)
+    return AccusedRecord(one.code, one.what, places, known, text=one.text, slips=slips)
 
 
 def _places(notes: Notes, rows: Sequence[int]) -> tuple[PlaceRecord, ...]:
