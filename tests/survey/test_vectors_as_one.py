@@ -137,7 +137,7 @@ def test_several_vectors_of_one_station_that_share_the_height_of_its_antenna_are
 
 
 def test_a_vector_without_covariance_is_one_observation_too(adjusted):
-    record = adjusted(0.1, is_bare=True).record()
+    record = adjusted(0.2, is_bare=True).record()
     assert [item.rows for item in record.joint] == [(k, k + 1, k + 2) for k in range(0, 24, 3)]
     (error,) = record.gross_errors
     assert {row.line for row in error.observations} == {11, 12, 13} and not Verdict(record).types_beyond

@@ -148,7 +148,7 @@ def explain(
     by_mistake = _by_mistakes(kind, value, expected, tolerance, span)
     by_digits = _by_digits(kind, value, expected, tolerance, span, scale)
     found = [e for e in by_mistake if e.chance < LIKELY]
-    found += [e for e in by_digits if e.chance < POLICY.chance]
+    found = found or [e for e in by_digits if e.chance < POLICY.chance]
     return min(found, key=lambda e: e.chance, default=None)
 
 
