@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obseq.survey import Datum, network_from_tables, simulate
-from obseq.survey.network import Network
+
+if TYPE_CHECKING:
+    from obseq.survey.network import Network
 
 SIZES = (20.0, 60.0, 200.0, 500.0)
 """Metres. At 1 km a distance at height 0 of 1 mm shows the height to 6 m: to less than a hundredth of it."""

@@ -1,8 +1,8 @@
-"""Ordinary networks on the inner datum, of which one coordinate, one height or one length at height 0 is known.
+"""Ordinary networks on the inner datum, of which one coordinate, height or length at height 0 is known.
 
 Each seed is one network of 20 m to 500 m with noise (tests/free_networks.py). Right is: it converges in four
 iterations, no observation is dropped or accused, and the redundancy counts three free motions where a
-coordinate is held, four where a distance at height 0 shows the height through the curvature of the Earth alone.
+coordinate is held, four where a distance at height 0 shows the height by the curvature of the Earth alone.
 
 Example:
     python tools/benchmarks/bench_free.py --networks 240 --json done.json
