@@ -51,9 +51,18 @@ class Instruments:
                 system.freeze(frozen, components)
 
     def _started(self, initial: InitialValues) -> FloatArray:
-        """(m, 3, 6) initial rotations, turned from the vertical of the frame to the plumb line."""
-        before = self._plumb.frame.verticals(self._origins, initial.coordinates)
-        return self._turned(initial.rotations, before, initial.coordinates)
+        """(m, 3, 6) initial rotations, and plumb lines.
+
+        Of a plumb instrument only where it points counts, whatever its initial rotation stands along: the
+        vertical of the frame, or a plumb line that was found elsewhere.
+        """
+        verticals = self._plumb.axes(self._origins, initial.coordinates)
+        rotations, fronts = initial.rotations.copy(), initial.rotations[:, :, 1]
+        east, north, _ = np.einsum("nij,nj->in", verticals, fronts)
+        azimuths = np.where(initial.orientations == Orientation.FIX.value, 0.0, np.arctan2(east, north))
+        plumb = initial.orientations != Orientation.BASC.value
+        rotations[plumb] = _upright(verticals[plumb], azimuths[plumb])
+        return self._turned(rotations, verticals, initial.coordinates)
 
     def _turned(self, rotations: FloatArray, before: FloatArray, coordinates: FloatArray) -> FloatArray:
         """(m, 3, 6) rotations (m, 3, 3) and the plumb lines (m, 3, 3) at coordinates, from those before."""
@@ -100,13 +109,13 @@ def _along_grid(verticals: FloatArray) -> FloatArray:
     Args:
         verticals: (n, 3, 3) rotations from the frame to east, north, up.
     """
-    azimuths = np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1])
-    cosine, sine, zero, one = (
-        np.cos(azimuths),
-        np.sin(azimuths),
-        np.zeros(len(azimuths)),
-        np.ones(len(azimuths)),
-    )
+    return _upright(verticals, np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1]))
+
+
+def _upright(verticals: FloatArray, azimuths: FloatArray) -> FloatArray:
+    """(n, 3, 3) rotations, instrument to frame, along verticals (n, 3, 3), the front at azimuths (n,)."""
+    cosine, sine = np.cos(azimuths), np.sin(azimuths)
+    zero, one = np.zeros(len(azimuths)), np.ones(len(azimuths))
     turns = np.array([[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]).transpose(2, 0, 1)
     return np.asarray((turns @ verticals).transpose(0, 2, 1))
 

@@ -29,13 +29,23 @@ class EqualHeightDifferences(ObservationKind):
         return {"rise": site.shared(rows, "rise"), "origin": origins, "target": targets}
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """What `DH` takes; in a plane the coefficients of the unknown and of z."""
+        """What `DH` takes; in a plane the coefficients of the unknown and of z.
+
+        Level surfaces slope by deflections along the line: the target is as much higher.
+        """
         context = DH.context(site, rows, coordinates)
-        return np.hstack([np.full((len(rows), 1), -1.0), context]) if site.is_plane else context
+        if site.is_plane:
+            return np.hstack([np.full((len(rows), 1), -1.0), context])
+        up = site.normals(rows, coordinates)[:, 2]
+        return np.hstack([-site.levelled(rows, coordinates)[:, None] * up, context])
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """Its formula takes no value; linear rows take 0."""
         return np.zeros((len(rows), int(site.is_plane)))
+
+    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """Of the deflections along the line."""
+        return DH.slopes(site, rows, coordinates)
 
     def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
         """The value, from the first pair."""
@@ -66,10 +76,11 @@ EQUAL_DH = EqualHeightDifferences(
     "EqualDH",
     21,
     "equal height difference",
-    "TopoDHParam",
+    "TopoDHParamOff",
     takes_heights=False,
     is_line=False,
     is_levelled=True,
+    needs_deflections=True,
 )
 EQUAL_DIST = EqualDistances(
     "EqualDist", 22, "equal distance", "Dist3DParam", takes_heights=False, is_line=False
