@@ -77,6 +77,7 @@ _OF_ZENITH = (
     Mistake(
         "W132", "an elevation in degrees in place of a zenith angle", lambda v: math.pi / 2.0 - v * 10.0 / 9.0
     ),
+    Mistake("W103", "an elevation below the horizon in place of a zenith angle", lambda v: math.pi / 2.0 + v),
     Mistake("W104", "counted from the nadir", lambda v: math.pi - v),
     Mistake("W102", "read in the other face", lambda v: 2.0 * math.pi - v),
 )
