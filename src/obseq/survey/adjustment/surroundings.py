@@ -70,7 +70,7 @@ class Surroundings:
 
     @cached_property
     def heights(self) -> FloatArray:
-        """(n,) heights (m) of `geodetic`; in a local tangent system with the rounding of its coordinates only.
+        """(n,) heights (m) of `geodetic`; in a local tangent system with the rounding of coordinates only.
 
         They are that of the origin and the difference from there: geocentric ones are rounded to 1e-9 m.
         """
