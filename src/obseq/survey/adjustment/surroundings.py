@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.cached import cached_property
-from obseq.kernels import calculator
+from obseq.kernels.calculator import calculator
 
 if TYPE_CHECKING:
     from collections.abc import Callable
