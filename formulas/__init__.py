@@ -41,6 +41,7 @@ from obseq.formulas.special_topography import (
     TopoAlpha,
     TopoBeta,
     TopoDHParam,
+    TopoDHParamOff,
     TopoDistHz0,
 )
 from obseq.formulas.topography import (
@@ -74,6 +75,7 @@ REGISTRY: tuple[Formula, ...] = (
     TopoAlpha(),
     TopoBeta(),
     TopoDHParam(),
+    TopoDHParamOff(),
     *BESIDE,
     AxisRadius(),
     AxisPlane(),
