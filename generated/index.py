@@ -22,6 +22,7 @@ MODULES = {
     "ClinoRot": "clinometers.clino_rot",
     "Clino_0_3": "clinometers.clino_0_3",
     "DeformImAffinity": "image_deformation.deform_im_affinity",
+    "DeformImHomography": "image_deformation.deform_im_homography",
     "DeformImHomotethy": "image_deformation.deform_im_homotethy",
     "Dir_EquiRect": "projections.dir_equi_rect",
     "Dir_FE_EquiDist": "projections.dir_fe_equi_dist",
