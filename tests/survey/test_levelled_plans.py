@@ -67,8 +67,12 @@ def test_tables_have_empty_cells_and_are_read_again(result, tmp_path, capsys):
 
 def test_a_map_has_points_without_a_place(tmp_path):
     """Levelled points beside known ones, on the Earth."""
-    (tmp_path / "p.csv").write_text("name,x,y,z,sx,sy,sz\nK,700000,6600000,100,0.01,0.01,0.01\nB,,,,,,\n")
-    (tmp_path / "o.csv").write_text("type,from,to,value,sigma\nDH,K,B,1.0,0.001\n")
+    (tmp_path / "p.csv").write_text(
+        "name,x,y,z,sx,sy,sz\nK,700000,6600000,100,0.01,0.01,0.01\nB,,,,,,\nC,,,,,,\n"
+    )
+    (tmp_path / "o.csv").write_text(
+        "type,from,to,value,sigma\nDH,K,B,1.0,0.001\nDH,B,C,1.0,0.001\nDH,C,K,-2.001,0.001\n"
+    )
     read = [str(tmp_path / "p.csv"), str(tmp_path / "o.csv"), "--points-crs", "EPSG:2154"]
     result = tmp_path / "r.json"
     assert main(["adjust", *read, "--json", str(result), "--html", str(tmp_path / "r.html")]) == 0
