@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
+_HALF = 0.5
+"""Share of the redundancy that several errors must leave: else the rest might as well be the error."""
 _SCALINGS = 3
 """Rounds in which the variance factor of the noise is estimated; it grows, and seldom after the second."""
 
@@ -32,6 +34,8 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
+    if len(chosen) > 1 and redundancy < _HALF * tests.linear.redundancy:
+        return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     accused = [_accusation(model, found, chosen, i) for i in chosen]
     accused.sort(key=lambda one: -one.test / one.limit)
     explained = Status.EXPLAINED if accused else Status.ACCEPTED

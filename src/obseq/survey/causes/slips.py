@@ -116,7 +116,7 @@ def _of_another_reading(named: Named, tolerance: float, evidence: Evidence) -> I
     off = np.array([abs(difference(kind, value, one)) for one in read.tolist()])
     span = 2.0 * math.pi if kind.is_angle else 2.0 * abs(value)
     fits = np.flatnonzero(off <= tolerance)
-    chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / span
+    chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / max(span, tolerance)
     if fits.size and chance < LIKELY:
         best = int(fits[np.argmin(off[fits])])
         yield Slip("W112", f"read to {names[best]}", float(chance), is_strong=False)
