@@ -1,12 +1,12 @@
 """Recall and accuracy of coded targets over size, tilt, blur, noise, contrast and distortion.
 
-    python tools/benchmarks/bench_targets.py [--targets 16] [--lines base size] [--families CERN14 ...] [--time]
+    python tools/benchmarks/bench_targets.py [--targets 16] [--lines base size] [--families CERN14] [--time]
 
-Each entry: targets found of those shown, wrong names, rms of the distance to the true centre (pixels), the same
-as the covariances state it, and the mean of the squared error over the stated one. Where OpenCV is installed
-(pip install opencv-python-headless), its ArUco markers of the same size stand beside: corners refined by
-sub-pixel, the centre where their diagonals meet. What is known of the original: centres by point symmetry, 0.02 to
-0.13 pixels off in scenes like the first line.
+Each entry: targets found of those shown, wrong names, rms of the distance to the true centre (pixels), the
+same as the covariances state it, and the mean of the squared error over the stated one. Where OpenCV is
+installed (pip install opencv-python-headless), its ArUco markers of the same size stand beside: corners
+refined by sub-pixel, the centre where their diagonals meet. What is known of the original: centres by point
+symmetry, 0.02 to 0.13 pixels off in scenes like the first line.
 """
 
 import argparse
