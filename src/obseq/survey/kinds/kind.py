@@ -112,6 +112,9 @@ class Site(Protocol):
     def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 3) of the two points."""
 
+    def heights(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) ellipsoidal heights (m) of the last points, as precise as their coordinates."""
+
     def geodetic(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) longitude, latitude (rad) and ellipsoidal height (m) of the last points."""
 
