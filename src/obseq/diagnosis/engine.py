@@ -95,9 +95,8 @@ class Search(Generic[Place]):
         if best.is_accepted:
             best = self._in_place_of_several(best)
         # of few spare observations some errors take too many: then they hardly are as many
-        if not best.is_accepted or len(best.chosen) > max(
-            2.0, self._policy.share * best.tests.linear.redundancy
-        ):
+        are_many = len(best.chosen) > max(2.0, self._policy.share * best.tests.linear.redundancy)
+        if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
         return best
 
@@ -247,3 +246,11 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     which = which[np.argsort(-count[which], kind="stable")]
     left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy
     return list(map(int, which[left]))
+
+
+def _stands_out(found: Explanation[Place]) -> bool:
+    """Whether something contradicts the rest still, if the noise is as large as what is left."""
+    tests, chosen = found.tests, found.chosen
+    noise = max(found.left / max(found.redundancy, 1), 1.0)
+    tested = tests.tests(tests.given(chosen), chosen, blocks=False)
+    return bool((tested.statistic > noise * tested.limit).any())

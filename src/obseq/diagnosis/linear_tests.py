@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.policy import Policy
 
-_CHUNK = 64
+_CHUNK, _KEPT = 64, 8
+"""Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY = 1e-300
 
 
@@ -90,6 +91,7 @@ class LinearTests:
         self.off = self._columns.shown(linear.residuals)
         self.shown = self._columns.shown(left)
         self._across: dict[int, FloatArray] = {}
+        self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
         self._is_screened = linear.n > policy.large
         counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
@@ -157,6 +159,7 @@ class LinearTests:
         """What is left to the columns when hypotheses are unknowns of the model."""
         if not len(chosen):
             return Given(np.zeros((0, len(self.shown))), self.shown, 0.0)
+        self._given: dict[tuple[int, ...], Given] = {}
         own = np.array(sorted({k for i in chosen for k in self.hypotheses.of(i).tolist()}), np.intp)
         rows = self.rows_of(own)
         shares, axes = np.linalg.eigh(rows[:, own])
