@@ -159,7 +159,14 @@ class LinearTests:
         """What is left to the columns when hypotheses are unknowns of the model."""
         if not len(chosen):
             return Given(np.zeros((0, len(self.shown))), self.shown, 0.0)
-        self._given: dict[tuple[int, ...], Given] = {}
+        key = tuple(sorted(map(int, chosen)))
+        if key not in self._given:
+            while len(self._given) >= _KEPT:
+                self._given.pop(next(iter(self._given)))
+            self._given[key] = self._made(key)
+        return self._given[key]
+
+    def _made(self, chosen: tuple[int, ...]) -> Given:
         own = np.array(sorted({k for i in chosen for k in self.hypotheses.of(i).tolist()}), np.intp)
         rows = self.rows_of(own)
         shares, axes = np.linalg.eigh(rows[:, own])
