@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from obseq.images.poses import Poses
 
 MOST_TESTED = 2500
-"""Image points of a block in which single errors are looked for together; in larger ones the worst is told."""
+"""Image points of a block in which single errors are looked for; of larger ones the worst test is told."""
 MANY = 3
 """Errors from which one mistake that all observations share is likelier."""
 LOGGER = logging.getLogger(__name__)
