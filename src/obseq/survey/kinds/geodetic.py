@@ -78,11 +78,6 @@ class Geodetic(OfPlace):
     axis: int = 2
 
     @property
-    def places_in_plan(self) -> bool:
-        """Not heights."""
-        return self.axis != 2
-
-    @property
     def depends_on_place(self) -> bool:
         """The vertical turns."""
         return True
