@@ -12,7 +12,12 @@ from obseq.formulas.bundles import BUNDLES
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
 from obseq.formulas.colinearity import COLINEARITIES
 from obseq.formulas.distortion import DISTORTIONS
-from obseq.formulas.image_deformation import DeformImAffinity, DeformImHomotethy, LGrad_DeformImHomotethy
+from obseq.formulas.image_deformation import (
+    DeformImAffinity,
+    DeformImHomography,
+    DeformImHomotethy,
+    LGrad_DeformImHomotethy,
+)
 from obseq.formulas.lidar import (
     EqLidarImCensus,
     EqLidarImCensusPose,
@@ -41,6 +46,7 @@ from obseq.formulas.special_topography import (
     TopoAlpha,
     TopoBeta,
     TopoDHParam,
+    TopoDHParamOff,
     TopoDistHz0,
 )
 from obseq.formulas.topography import (
@@ -74,6 +80,7 @@ REGISTRY: tuple[Formula, ...] = (
     TopoAlpha(),
     TopoBeta(),
     TopoDHParam(),
+    TopoDHParamOff(),
     *BESIDE,
     AxisRadius(),
     AxisPlane(),
@@ -103,6 +110,7 @@ REGISTRY: tuple[Formula, ...] = (
     DeformImHomotethy(),
     LGrad_DeformImHomotethy(),
     DeformImAffinity(),
+    DeformImHomography(),
     *radiometry.REGISTERED,
     *DISTORTIONS,
     *CENTRAL_PROJECTIONS,

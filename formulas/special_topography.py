@@ -5,7 +5,7 @@ from typing import Annotated
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Direction, Length, Matrix3, Number, Point2, Point3, norm
 from obseq.formulas.functions import Scalar, angle_difference, atan2, let
-from obseq.formulas.topography import From, MeasuredAngle, MeasuredLength, Station, Target, TopoDH
+from obseq.formulas.topography import From, MeasuredAngle, MeasuredLength, Offset, Station, Target, TopoDH
 
 COMP3D = "Comp3D (IGN France)"
 
@@ -114,6 +114,39 @@ class TopoDHParam(Formula):
             semi_major_axis=semi_major_axis,
             eccentricity2=eccentricity2,
             height_difference=rise,
+        )
+
+
+class TopoDHParamOff(Formula):
+    """Unknown difference of heights of two points that stand beside or above their marks.
+
+    Residual: as `TopoDHParam` with the target moved by `off`.
+    """
+
+    source = "TopoDHParam with a correction along the line"
+    typical = TopoDHParam.typical
+
+    def residual(
+        self,
+        rise: Annotated[Length, "d"],
+        origin: From,
+        target: Target,
+        *,
+        offset: Offset,
+        to_geocentric: Annotated[Matrix3, "RTL2Geoc_R"],
+        translation: Annotated[Point3, "RTL2Geoc_T"],
+        semi_major_axis: Annotated[Length, "a"],
+        eccentricity2: Annotated[Number, "e2"],
+    ) -> Scalar:
+        """The height difference computed, minus the unknown one (m)."""
+        return TopoDHParam().residual(
+            rise,
+            origin,
+            target + offset,
+            to_geocentric=to_geocentric,
+            translation=translation,
+            semi_major_axis=semi_major_axis,
+            eccentricity2=eccentricity2,
         )
 
 

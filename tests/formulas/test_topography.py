@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from obseq.formulas.beside import Beside
-from obseq.formulas.special_topography import TopoAlpha, TopoBeta
+from obseq.formulas.special_topography import TopoAlpha, TopoBeta, TopoDHParamOff
 from obseq.formulas.topography import (
     TopoAngle,
     TopoDH,
@@ -93,6 +93,14 @@ def test_height_difference_on_the_equator():
     a, e2 = 6378137.0, 0.00669438
     points = (a + 1.0, 0.0, 0.0, a + 3.0, 0.0, 0.0)
     (value,) = TopoDH().evaluate(points, (*IDENTITY, 0, 0, 0, a, e2, 1.5))
+    assert value == pytest.approx(0.5, abs=1e-8)
+
+
+def test_an_offset_moves_the_end_of_an_unknown_height_difference():
+    # 2 m up along x, the vertical on the equator at longitude 0; the unknown is 1.5 m
+    a, e2 = 6378137.0, 0.00669438
+    points = (a + 10.0, 0, 0, a + 10.0, 0, 0)
+    (value,) = TopoDHParamOff().evaluate((1.5, *points), (2.0, 0, 0, *IDENTITY, 0, 0, 0, a, e2))
     assert value == pytest.approx(0.5, abs=1e-8)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from outside import OutsideData
 
+from obseq.formats.columns import Columns, Measure
 from obseq.stopwatch import Stopwatch
 from obseq.survey import KINDS, Quality, simulate
-from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.kinds.registry import BY_NAME
 from obseq.survey.model import Orientation, points_of_lines
 from obseq.survey.network import Network
@@ -60,7 +60,7 @@ def measures(book, kind, pairs):
             stations[a] = book.open_station(a, orientation)
         if kind.group == "Barycentre":
             group = book.open_barycentre((b, (b + 1) % len(PLACES)), (0.4, 0.6))
-        if kind.is_combination:
+        if kind.name == "Normal":
             group = book.open_normal_row((a, b), (0.6, 0.0, 0.0, 0.0, -0.8, 0.0))
         third = next(row for row in range(len(PLACES)) if row not in (a, b)) if kind.name == "Angle" else -1
         station = stations.get(a, -1)

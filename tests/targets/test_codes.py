@@ -44,7 +44,9 @@ def test_runs_go_around_the_circle() -> None:
     assert longest_runs(63, 6) == (0, 6)
 
 
-@pytest.mark.parametrize(("choice", "count"), [("former", 36), ("present", 32), ("larger", 36)])
+@pytest.mark.parametrize(
+    ("choice", "count"), [("former", 36), ("present", 32), pytest.param("larger", 36, marks=pytest.mark.slow)]
+)
 def test_sets_have_the_sizes_of_the_original_s_two_histories(choice: str, count: int) -> None:
     spec = made("IGNIndoor", choice=choice)
     assert len(spec.codes) >= count if choice == "larger" else len(spec.codes) == count
@@ -73,7 +75,7 @@ def test_distances_count_turned_codes() -> None:
 def test_bits_of_a_class_tell_how_far_the_target_is_turned() -> None:
     spec = made("CERN", 12)
     name, code = next(iter(spec.codes.items()))
-    assert spec.turns[rotated(code, 12, 5)] == (name, 5)
+    assert (name, 5) in spec.turns[rotated(code, 12, 5)]
 
 
 def test_names_of_other_bases_and_beginnings() -> None:

@@ -1,39 +1,25 @@
 """What the results of this version accuse, as places: the one file that knows in which fields they say it.
 
-A record has a `diagnosis` (status, accused, others, slips); what has none yet is read from the fields that do
-the same: gross errors with their rows and the suspicion of a survey, the suspects and the cause of a block.
+A record has a `diagnosis`: status, accused, others, slips.
 """
 
 from __future__ import annotations
 
-import re
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from unittest.mock import patch
 
-from diagnosis_verdicts import Found, Line, Place
+from diagnosis_verdicts import Found, Place
 
-from obseq.survey import Adjustment
+from obseq.records.record import to_plain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping
 
     from obseq.errors import ObseqError
     from obseq.images.output.block_record import BundleRecord
-    from obseq.survey import Network
+    from obseq.survey import Adjustment, Network
 
 Set = tuple[Place, ...]
-
-KNOWN = re.compile(r"known (?:coordinate )?([xyz]) of (\S+)")
-PLACED = re.compile(r"\(([^():]+):(\d+)\)")
-IMAGE_POINT = re.compile(r"image (\S+), point (\S+?)[,:;. ]")
-ONE_OF = re.compile(r"one of the \d+ measures of point (\S+) \(images ([^)]*)\)")
-CONTROL = re.compile(r"(?:control points?|contradict:) ([^\s;(:]+)")
-EXCHANGED = re.compile(r"images (\S+) and (\S+) (?:are|look) exchanged")
-UNIT = re.compile("times (as large as the rest of the block says|too large)")
-SHARED = "height of instrument or target", "constant or scale of distances", "index of zenith angles"
-"""Causes that several observations have in common."""
 
 
 def of_diagnosis(diagnosis: Mapping[str, Any]) -> Found:
@@ -54,103 +40,23 @@ def _place(hypothesis: Mapping[str, Any], slips: frozenset[str]) -> Place:
     return Place(hypothesis["code"], lines, points, frozenset(hypothesis.get("images", ())), slips)
 
 
-# Surveys
-
-
 def of_survey(network: Network) -> tuple[Found, Adjustment]:
     """What the adjustment of a network accuses, and the adjustment."""
-    with _announced() as errors:
-        adjustment = network.adjust()
-    record = adjustment.record()
-    if hasattr(record, "diagnosis"):
-        return of_diagnosis(record.to_dict()["diagnosis"]), adjustment
-    sets = [_gross(error, network) for error in errors] if adjustment.gross_errors else []
-    if not sets and adjustment.suspicion is not None:
-        sets.append(tuple(map(_named, adjustment.suspicion.observations)))
-    return Found("explained" if sets else "accepted", tuple(sets)), adjustment
-
-
-@contextmanager
-def _announced() -> Iterator[list[Any]]:
-    """The gross errors of the adjustment that is made meanwhile: their record does not list their rows."""
-    told: list[Any] = []
-
-    def announcing(self: Adjustment, errors: Sequence[Any], replaced: Any) -> Adjustment:
-        told[:] = errors
-        return own(self, errors, replaced)
-
-    own = Adjustment.announcing
-    with patch.object(Adjustment, "announcing", announcing):
-        yield told
-
-
-def _gross(error: Any, network: Network) -> Set:
-    """The places of a gross error: all that it names, or one of these."""
-    book, cause = network.book, frozenset({error.cause.value})
-    observations, files = book.observations, book.files
-    lines: list[Line] = [
-        (Path(files[observations.file_indices[row]]).name, int(observations.lines[row])) for row in error.rows
-    ]
-    is_named = error.points and not (lines and error.cause.value in ("wrong point", "names swapped"))
-    is_one = error.is_one and error.cause.value not in SHARED
-    if is_one or error.text.endswith("nothing tells these apart"):
-        points = tuple(Place(points=frozenset({name}), causes=cause) for name in error.points)
-        return points or tuple(Place(lines=frozenset({line}), causes=cause) for line in lines)
-    if is_named:
-        return (Place(points=frozenset(error.points), causes=cause),)
-    return (Place(lines=frozenset(lines), causes=cause),)
-
-
-def _named(observation: str) -> Place:
-    """The place of an observation that a suspicion names."""
-    if known := KNOWN.search(observation):
-        return Place(points=frozenset({f"{known[2]} {known[1]}"}))
-    if observation.startswith("known"):
-        return Place(points=frozenset({observation.split()[-1]}))
-    return Place(lines=frozenset((Path(file).name, int(line)) for file, line in PLACED.findall(observation)))
+    adjustment = network.adjust()
+    return of_diagnosis(adjustment.to_dict()["diagnosis"]), adjustment
 
 
 # Blocks
 
 
-def of_block(record: BundleRecord, measures: Sequence[tuple[str, str]]) -> Found:
-    """What the adjustment of a block accuses; measures: image and point of each line of their file."""
-    diagnosis = getattr(record, "diagnosis", None)
-    if diagnosis is not None:
-        return of_diagnosis(diagnosis if isinstance(diagnosis, dict) else diagnosis.to_plain())
-    line: dict[tuple[str, ...], Place] = {
-        pair: Place(lines=frozenset({("measures.csv", row + 2)})) for row, pair in enumerate(measures)
-    }
-    sets = list(_told(record.cause, line)) if record.cause else []
-    if not record.cause:
-        sets = [(_suspect(record, suspect, line),) for suspect in record.suspects]
-    return Found("explained" if sets else "accepted" if record.converged else "undecided", tuple(sets))
+def of_block(record: BundleRecord) -> Found:
+    """What the adjustment of a block accuses."""
+    if record.diagnosis is None:
+        return Found("undecided")
+    return of_diagnosis(to_plain(record.diagnosis))
 
 
 def of_refusal(error: ObseqError) -> Found | None:
     """What an error accuses that says why a block has no solution; None where it does not."""
-    if (diagnosis := getattr(error, "diagnosis", None)) is not None:
-        return of_diagnosis(diagnosis)
-    sets = tuple(_told(str(error), {}))
-    return Found("explained", sets) if sets[0][0].code != "other" else None
-
-
-def _told(cause: str, line: Mapping[tuple[str, ...], Place]) -> Iterator[Set]:
-    """What a cause in words names."""
-    found: list[Set] = [(line[pair],) for pair in IMAGE_POINT.findall(f"{cause} ") if pair in line]
-    for point, images in ONE_OF.findall(cause):
-        found.append(tuple(line[image, point] for image in images.split(", ") if (image, point) in line))
-    found += [(Place(points=frozenset({name})),) for name in CONTROL.findall(cause) if name.startswith("P")]
-    if pair := EXCHANGED.search(cause):
-        found.append((Place("I140", images=frozenset(pair.groups())),))
-    if UNIT.search(cause):
-        found = [(Place("I150"),)]
-    yield from found or [(Place("other"),)]
-
-
-def _suspect(record: BundleRecord, suspect: Any, line: Mapping[tuple[str, ...], Place]) -> Place:
-    if suspect.row is None:
-        return Place(points=frozenset({suspect.name.removeprefix("control point ")}))
-    columns = record.residuals
-    image = record.images[columns.image[suspect.row]].name
-    return line[image, record.points[columns.point[suspect.row]].name]
+    diagnosis = getattr(error, "diagnosis", None)
+    return None if diagnosis is None else of_diagnosis(diagnosis)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
 _EXCHANGES = 4
+_TWO = 2
+"""Errors that may well be in one block by chance."""
 
 
 def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = False) -> list[int]:
@@ -43,22 +45,33 @@ def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = F
 
 
 def gains(tests: LinearTests, found: Tested) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """(h,) by how much each hypothesis lowers the price; minus infinity where its test does not reject."""
-    passed = found.statistic > found.limit
-    return np.where(passed, found.statistic - found.limit - tests.rarity, -np.inf)
+    """(h,) by how much each hypothesis lowers the price; minus infinity where it does not."""
+    gain = found.statistic - found.limit - found.noise - tests.rarity
+    return np.where(gain > 0.0, gain, -np.inf)
+
+
+def equals(tests: LinearTests, found: Tested, index: int) -> list[int]:
+    """What nothing tells from a hypothesis, the best first; not what holds all of it and more.
+
+    Args:
+        tests: At one linearisation.
+        found: T of all, the other accepted hypotheses being given.
+        index: The hypothesis.
+    """
+    gain = gains(tests, found)
+    own = found.statistic[index] - found.limit[index] - found.noise[index] - tests.rarity[index]
+    near = np.flatnonzero(gain >= own - tests.policy.margin)
+    mine = set(tests.hypotheses.of(index).tolist())
+    ordered = near[np.argsort(-gain[near], kind="stable")].tolist()
+    told = ~tests.hypotheses.needs_slip
+    return [j for j in ordered if j != index and told[j] and not mine <= set(tests.hypotheses.of(j).tolist())]
 
 
 def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
-    """Those of some hypotheses that pass their own test, the others being given: backward elimination."""
+    """Those of some hypotheses that are worth what is due for them: backward elimination."""
     left = list(chosen)
     while left:
-        estimates, covariance = tests.inverse(left)
-        shares, start = [], 0
-        for i in left:
-            part = slice(start, start := start + int(tests.hypotheses.q[i]))
-            inverse = np.linalg.pinv(covariance[part, part], rcond=1e-9, hermitian=True)
-            statistic = float(estimates[part] @ inverse @ estimates[part])
-            shares.append(statistic / tests.limit(tests.rank(i)))
+        shares = [statistic / tests.due([i]) for i, statistic in zip(left, _own(tests, left), strict=True)]
         worst = int(np.argmin(shares))
         if shares[worst] > 1.0:
             break
@@ -66,15 +79,29 @@ def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     return left
 
 
+def _own(tests: LinearTests, chosen: list[int]) -> list[float]:
+    """T of each of some hypotheses, the others being given."""
+    estimates, covariance, is_whole = tests.inverse(chosen)
+    if not is_whole:  # some of them do the same: what each takes beyond the others tells
+        took = tests.given(chosen).took
+        return [took - tests.given([j for j in chosen if j != i]).took for i in chosen]
+    found, start = [], 0
+    for i in chosen:
+        part = slice(start, start := start + int(tests.hypotheses.q[i]))
+        inverse = np.linalg.pinv(covariance[part, part], rcond=1e-9, hermitian=True)
+        found.append(float(estimates[part] @ inverse @ estimates[part]))
+    return found
+
+
 def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """The same after exchanges of one for another that lower the price."""
     now = list(chosen)
     for _ in range(_EXCHANGES):
         price, better = tests.price(now), None
-        for i in now if len(now) <= tests.policy.most else ():
+        for i in now if _are_few(tests, now) else ():
             rest = [j for j in now if j != i]
             given = tests.given(rest)
-            found = tests.tests(given, rest, blocks=bool(tests.hypotheses.q[i] > 1))
+            found = tests.tests(given, rest, blocks=bool(tests.hypotheses.is_block[i]))
             prices = tests.cost - given.took + tests.due(rest) - gains(tests, found)
             j = int(np.argmin(prices))
             if j != i and prices[j] < price - _TOLERANCE * (1e3 + abs(price)):
@@ -83,6 +110,11 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
             return now
         now = kept(tests, better)
     return now
+
+
+def _are_few(tests: LinearTests, chosen: Sequence[int]) -> bool:
+    """Whether exchanges of hypotheses are worth their time: not of whole images."""
+    return len(chosen) <= tests.policy.most and tests.hypotheses.q[chosen].sum() <= tests.policy.begun
 
 
 def merged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
@@ -105,6 +137,8 @@ def merged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
 def simplified(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """The same with a special case of one column in place of several, where nothing contradicts that."""
     now = list(chosen)
+    if not _are_few(tests, now):
+        return now
     for i in [i for i in now if tests.hypotheses.q[i] > 1]:
         special = tests.within(now, i)
         if not special.size:
@@ -129,12 +163,25 @@ def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     count = np.append(0, np.cumsum(np.isin(hypotheses.columns, held)))
     inner = count[hypotheses.starts[1:]] - count[hypotheses.starts[:-1]]
     some = blocks[inner[blocks] >= np.maximum(2, tests.policy.whole * hypotheses.q[blocks])]
-    return [j for j in some.tolist() if len(inside(tests, chosen, j)) >= needed(tests, j)]
+    return [j for j in some.tolist() if hypotheses.q[inside(tests, chosen, j)].sum() >= needed(tests, j)]
 
 
 def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
-    """Blocks that hold most of what is chosen, and are told only where a slip explains them."""
-    return [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]] if len(chosen) > 1 else []
+    """Blocks that are told only where a slip explains them.
+
+    Names, that hold most of what is chosen; and others that hold several of them, and cost less.
+    """
+    if len(chosen) < 2:
+        return []
+    mostly = [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]]
+    blocks = np.flatnonzero(tests.hypotheses.is_block & ~tests.hypotheses.needs_slip)
+    several = [j for j in blocks.tolist() if j not in chosen and len(inside(tests, chosen, j)) > _TWO]
+    price = tests.price(chosen) if several else 0.0
+    return mostly + [
+        j
+        for j in several
+        if tests.price([*(i for i in chosen if i not in inside(tests, chosen, j)), j]) < price
+    ]
 
 
 def needed(tests: LinearTests, block: int) -> float:

@@ -1,4 +1,4 @@
-"""Adjusted points as files: COR files that a next adjustment reads, and tables."""
+"""Results as files: points that a next adjustment reads (COR files), tables of points and observations."""
 
 from __future__ import annotations
 
@@ -18,18 +18,25 @@ if TYPE_CHECKING:
     from obseq.records.adjustment import AdjustmentRecord, PointRecord
     from obseq.survey.model import Points
 
+OBSERVATION_FIELDS = (
+    *("type", "origin", "target", "backsight", "value", "sigma", "unit", "active", "rejected"),
+    *("residual", "normalised_residual", "redundancy", "standardised_residual", "tau"),
+    *("detectable", "external", "blunder", "file", "line"),
+)
 HEADER = ("name", "x", "y", "z", "sx", "sy", "sz")
 
 
 def adjusted_points(record: AdjustmentRecord) -> Points:
     """The points of a result in their own system, known with their precisions; 0 where they were held.
 
+    What nobody gave and nothing observes (the plan of points that are levelled) is NaN.
+
     Raises:
-        InputError: A point has no coordinates in its system.
+        InputError: A point has no coordinates at all in its system.
     """
     names = [point.name for point in record.points]
     coordinates = _table([(p.crs_x, p.crs_y, p.crs_z) for p in record.points])
-    lacking = np.flatnonzero(~np.isfinite(coordinates).all(axis=1))
+    lacking = np.flatnonzero(~np.isfinite(coordinates).any(axis=1))
     if lacking.size:
         raise InputError(f"point {names[lacking[0]]} has no coordinates in {record.points_crs}")
     return make_points(names, coordinates, _table([_precisions(p) for p in record.points]))
@@ -58,6 +65,23 @@ def csv_of(record: AdjustmentRecord) -> str:
         return csv_text(points)
     factors = [system.plan_unit.factor, system.plan_unit.factor, system.height_unit.factor]
     return csv_text(replace(points, coordinates=points.coordinates * factors), unit)
+
+
+def observations_csv(record: AdjustmentRecord) -> str:
+    """A table of the observations of a result, in metres and radians, and of how they fit.
+
+    It is no table to adjust again: a result does not say set-ups, heights of instruments or covariances.
+    """
+    rows = [[_cell(getattr(row, name)) for name in OBSERVATION_FIELDS] for row in record.observations]
+    header = [{"origin": "from", "target": "to"}.get(name, name) for name in OBSERVATION_FIELDS]
+    return spreadsheets.csv_text([header, *rows])
+
+
+def _cell(value: object) -> str:
+    """A cell: numbers at full precision, truths as 1 and 0, nothing where nothing is known."""
+    if value is None:
+        return ""
+    return str(int(value)) if isinstance(value, bool) else str(value)
 
 
 def csv_text(points: Points, unit: str = "m") -> str:

@@ -18,13 +18,13 @@ import msgspec
 from obseq.errors import InputError
 from obseq.packages import version
 from obseq.printable import printable_line
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.quality import (
     DoubtfulRecord,
     EffectRecord,
     EllipseRecord,
     EllipsoidRecord,
     GlobalTestRecord,
-    GrossErrorRecord,
     JointTestRecord,
     LeftOutRecord,
     MotionRecord,
@@ -34,7 +34,6 @@ from obseq.records.quality import (
     ReplacedRecord,
     SnoopingRecord,
     StatisticsRecord,
-    SuspicionRecord,
     UnusedRecord,
     VarianceComponentRecord,
 )
@@ -48,14 +47,15 @@ if TYPE_CHECKING:
 FORMAT = "obseq-adjustment"
 VERSION = 1
 __all__ = [
+    "AccusedRecord",
     "AdjustmentRecord",
     "ConstraintRecord",
+    "DiagnosisRecord",
     "DoubtfulRecord",
     "EffectRecord",
     "EllipseRecord",
     "EllipsoidRecord",
     "GlobalTestRecord",
-    "GrossErrorRecord",
     "IterationRecord",
     "JointTestRecord",
     "LeftOutRecord",
@@ -72,7 +72,6 @@ __all__ = [
     "SnoopingRecord",
     "StationRecord",
     "StatisticsRecord",
-    "SuspicionRecord",
     "UnusedRecord",
     "VarianceComponentRecord",
     "defined",
@@ -106,6 +105,8 @@ class IterationRecord(Record, frozen=True):
 class PointRecord(Record, frozen=True):
     """One point: x, y, z and their precisions in the computation frame, crs_* in the input system.
 
+    What nobody gave and nothing observes is None: the plan of points that are levelled, heights in a plane.
+
     Attributes:
         covariance: xx, xy, xz, yy, yz, zz in the computation frame (m^2).
         crs_sx: Precision (m), as crs_sy and crs_sz: along the axes of that system when it is in metres, or
@@ -119,9 +120,9 @@ class PointRecord(Record, frozen=True):
     """
 
     name: str
-    x: float
-    y: float
-    z: float
+    x: float | None
+    y: float | None
+    z: float | None
     sx: float | None
     sy: float | None
     sz: float | None
@@ -135,8 +136,13 @@ class PointRecord(Record, frozen=True):
     ellipse: EllipseRecord | None = None
     ellipsoid: EllipsoidRecord | None = None
     known: str | None = None
-    moved: tuple[float, ...] | None = None
+    moved: tuple[float | None, ...] | None = None
     inner: tuple[float, ...] | None = None
+
+    @property
+    def plan(self) -> tuple[float, float] | None:
+        """X and y; None of a point that has no plan."""
+        return None if self.x is None or self.y is None else (self.x, self.y)
 
 
 class StationRecord(Record, frozen=True):
@@ -250,11 +256,12 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         operations: How PROJ leads from the systems to the Earth.
         types: How the observations of each type fit.
         setups: How the observations from each point fit.
-        suspicion: One gross error that explains what the sigmas do not; None when nothing is suspected.
+        diagnosis: What is wrong with it; None where nobody has looked.
         units: What the reports show; the numbers here are in metres and radians.
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
+        planned: Whether nothing is measured yet: there are no residuals, nor what is judged by them.
         failures: What should explain the result, and failed: nobody has looked; among the warnings too.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
@@ -288,7 +295,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     notes: tuple[str, ...] = ()
     left_out: tuple[LeftOutRecord, ...] = ()
     replaced: tuple[ReplacedRecord, ...] = ()
-    gross_errors: tuple[GrossErrorRecord, ...] = ()
+    diagnosis: DiagnosisRecord | None = None
     phases: tuple[PhaseRecord, ...] = ()
     run: RunRecord | None = None
     title: str | None = None
@@ -298,11 +305,11 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     types: tuple[StatisticsRecord, ...] | None = None
     setups: tuple[StatisticsRecord, ...] | None = None
     undetermined: tuple[MotionRecord, ...] | None = None
-    suspicion: SuspicionRecord | None = None
     doubtful: tuple[DoubtfulRecord, ...] = ()
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
     failures: tuple[str, ...] = ()
+    planned: bool = False
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
@@ -313,9 +320,14 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         return () if self.snooping is None else self.snooping.rejections
 
     @property
+    def gross_errors(self) -> tuple[AccusedRecord, ...]:
+        """The errors that were found, the clearest first."""
+        return () if self.diagnosis is None else self.diagnosis.accused
+
+    @property
     def is_complete(self) -> bool:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
-        is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
+        is_clean = (self.diagnosis is None or self.diagnosis.is_quiet) and not self.doubtful
         is_whole = not self.left_out and not self.unused and not self.rejections
         return self.converged and is_whole and is_clean and not self.failures
 

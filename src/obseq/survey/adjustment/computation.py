@@ -19,6 +19,7 @@ from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
 from obseq.survey.adjustment.doubtful import doubtful_points
 from obseq.survey.adjustment.inner import inner_covariances
+from obseq.survey.adjustment.loose_motions import UNDETERMINED, loose_error, size_of
 from obseq.survey.adjustment.loose_parts import singular_parts
 from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
 from obseq.survey.adjustment.point_system import PointSystem
@@ -51,8 +52,8 @@ def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equati
 
 
 def replaced_coordinates(points: Points, system: PointSystem, initial: InitialValues) -> tuple[Replaced, ...]:
-    """The approximate coordinates that are not used, in the system of the points."""
-    rows = list(initial.replaced)
+    """The approximate coordinates of files that are not used, in the system of the points."""
+    rows = [row for row in initial.replaced if points.has_coordinates[row]]
     if not rows:
         return ()
     names = [points.names[row] for row in rows]
@@ -61,6 +62,15 @@ def replaced_coordinates(points: Points, system: PointSystem, initial: InitialVa
     given, used = (map(tuple, system.coordinates(xyz, names).tolist()) for xyz in both)
     places = [points.place(row) for row in rows]
     return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Computed:
+    """An adjustment, the network that was adjusted, and its equations, which stand at the solution."""
+
+    adjustment: Adjustment
+    start: Determined
+    equations: Equations
 
 
 @dataclass(frozen=True)
@@ -75,7 +85,6 @@ class Computation:
         tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
-        wrong: Rows of observations that contradict all others where the iterations start.
         strategy: How the iterations move.
     """
 
@@ -86,7 +95,6 @@ class Computation:
     tolerance: float
     watch: Stopwatch
     quality: Quality
-    wrong: tuple[int, ...] = ()
     strategy: str = "controlled"
 
     def plain(self) -> Computation:
@@ -127,10 +135,16 @@ class Computation:
             SingularSystemError: the observations do not determine some unknowns, and `strict`; or they did
                 where the iterations started.
         """
+        return self.computed(start, equations, strict=strict).adjustment
+
+    def computed(self, start: Determined, equations: Equations | None = None, *, strict: bool) -> Computed:
+        """The same, with the network that was left, and its equations."""
         while True:
+            equations = equations or self._equations(start)
             try:
-                return self._adjusted(start, equations)
-            except SingularSystemError as error:
+                return Computed(self._adjusted(start, equations), start, equations)
+            except SingularSystemError as found:
+                error = _with_loose_motions(equations, found)
                 undetermined = singular_parts(start, error)
                 if strict or self._was_determined(start, undetermined):
                     raise in_words(error) from error
@@ -147,19 +161,22 @@ class Computation:
             SingularSystemError: that is all of it.
         """
         while True:
-            system = (equations or self._equations(start)).system
-            first = system.unknowns.state()
+            equations = equations or self._equations(start)
+            system, first = equations.system, equations.system.unknowns.state()
             try:
                 system.solve(max_iterations=1)
             except SingularSystemError as error:
-                start, equations = leave_out(start, singular_parts(start, error)), None
+                system.unknowns.restore(first)
+                undetermined = singular_parts(start, _with_loose_motions(equations, error))
+                start, equations = leave_out(start, undetermined), None
             else:
                 return start
             finally:
                 system.unknowns.restore(first)
 
     def _equations(self, start: Determined) -> Equations:
-        return equations_of(self.frame, self.point_system, start)
+        with self.watch.phase("equations"):
+            return equations_of(self.frame, self.point_system, start)
 
     def _was_determined(self, start: Determined, undetermined: Sequence[Unplaced]) -> bool:
         """Whether these were determined where the iterations started: then they have gone astray instead."""
@@ -173,12 +190,11 @@ class Computation:
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
-    def _adjusted(self, start: Determined, equations: Equations | None) -> Adjustment:
+    def _adjusted(self, start: Determined, equations: Equations) -> Adjustment:
         """Adjusts what is determined."""
-        with self.watch.phase("equations"):
-            equations = equations or self._equations(start)
         with self.watch.phase("iterations and covariances"):
-            found = examine(equations, start.book, self.quality, self._solving(equations), self.wrong)
+            found = examine(equations, start.book, self.quality, self._solving(equations))
+        _refuse_loose_motions(start, equations, found.solution)
         if not found.solution.converged:
             _require_determined(start, equations, found.solution)
         with self.watch.phase("results"):
@@ -259,6 +275,24 @@ def _doubtful(start: Determined, adjustment: Adjustment) -> tuple[Doubtful, ...]
     sigmas = adjustment.points.precisions[rows] / math.sqrt(factor or 1.0)
     coordinates = start.initial.coordinates
     return tuple(doubtful_points(start.book, start.points.names, coordinates, rows, sigmas))
+
+
+def _refuse_loose_motions(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:
+    """Raises the error of a singular system where only the curvature of the Earth says where points are."""
+    if start.points.in_datum.any() or not solution.n_unknowns:
+        return
+    covariances = _covariances(solution, equations.points, a_priori=True)
+    precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+    if precisions.max() > UNDETERMINED * size_of(solution.values(equations.points)):
+        error = loose_error(equations.system, equations.points)
+        if error is not None:
+            raise error
+
+
+def _with_loose_motions(equations: Equations, error: SingularSystemError) -> SingularSystemError:
+    """The error of a singular system, or that of all motions that are as good as free."""
+    loose = None if error.kernel is None else loose_error(equations.system, equations.points)
+    return error if loose is None or (loose.defect or 0) <= (error.defect or 0) else loose
 
 
 def _require_determined(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import Site
 
 
-def curvatures(latitude: FloatArray) -> FloatArray:
+def curvatures(
+    latitude: FloatArray, radius: float = EQUATORIAL_RADIUS, squared: float = SQUARED_ECCENTRICITY
+) -> FloatArray:
     """(n, 2) radii of curvature along the parallel and along the meridian, at latitudes (n,)."""
-    inside = 1.0 - SQUARED_ECCENTRICITY * np.square(np.sin(latitude))
-    parallel = EQUATORIAL_RADIUS / np.sqrt(inside)
-    return np.column_stack([parallel, parallel * (1.0 - SQUARED_ECCENTRICITY) / inside])
+    inside = 1.0 - squared * np.square(np.sin(latitude))
+    parallel = radius / np.sqrt(inside)
+    return np.column_stack([parallel, parallel * (1.0 - squared) / inside])
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class GeocentricCoordinate(OfPlace):
     axis: int = 0
     is_component: bool = True
 
+    @property
+    def is_raised(self) -> bool:
+        """They do."""
+        return True
+
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The geocentric axis, in the frame."""
         return np.tile(site.to_geocentric(rows)[0][self.axis], (len(rows), 1))
@@ -71,11 +78,6 @@ class Geodetic(OfPlace):
     axis: int = 2
 
     @property
-    def places_in_plan(self) -> bool:
-        """Not heights."""
-        return self.axis != 2
-
-    @property
     def depends_on_place(self) -> bool:
         """The vertical turns."""
         return True
@@ -86,20 +88,25 @@ class Geodetic(OfPlace):
         axes = site.normals(rows, coordinates)[:, self.axis]
         if self.axis == 2:
             return axes
-        radii = curvatures(place[:, 1])[:, self.axis] + place[:, 2]
+        radii = curvatures(place[:, 1], *site.to_ground(rows)[-2:])[:, self.axis] + place[:, 2]
         if self.axis == 0:
             radii = radii * np.cos(place[:, 1])
         return np.asarray(axes / radii[:, None])
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """What makes the row that of the tangent there."""
-        gap = site.measured(rows) - site.geodetic(rows, coordinates)[:, self.axis]
+        gap = site.measured(rows) - self._found(site, rows, coordinates)
         if self.axis == 0:
             gap = np.remainder(gap + np.pi, 2.0 * np.pi) - np.pi
         _, here = site.positions(rows, coordinates)
         along = self.context(site, rows, coordinates)
         raised = np.einsum("ni,ni->n", along, site.offsets(rows, coordinates))
         return np.asarray(gap - raised + np.einsum("ni,ni->n", along, here))
+
+    def _found(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        if self.axis == 2:
+            return site.heights(rows, coordinates)
+        return site.geodetic(rows, coordinates)[:, self.axis]
 
 
 @dataclass(frozen=True)
@@ -138,7 +145,7 @@ class EllipsoidChord(ObservationKind):
         """(n,) lengths, (n, 3) directions, and for each end (n, 3, 3) movement of the foot with the point."""
         feet, moves = [], []
         for place, axes, point in site.places(rows, coordinates):
-            radii = curvatures(place[:, 1])
+            radii = curvatures(place[:, 1], *site.to_ground(rows)[-2:])
             shares = np.column_stack([radii / (radii + place[:, 2:]), np.zeros(len(rows))])
             moves.append(np.einsum("nki,nk,nkj->nij", axes, shares, axes))
             feet.append(point - place[:, 2:] * axes[:, 2])
