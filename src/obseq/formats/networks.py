@@ -67,28 +67,40 @@ def read_network(
 
 def read_project_network(
     paths: Files,
-    frame: str | None,
+    more_points: tuple[Files, float | None],
+    systems: tuple[str | None, str | None],
+    reading: tuple[str, bool, Collection[str]],
+    worth: tuple[Collection[str], str | Path | None, str],
     refraction: float | None,
-    encoding: str,
-    points_crs: str | None,
-    outside: bool,
     geoid: str | Path | None,
-    ignore: Collection[str],
-    sigmas: Collection[str],
-    stochastic: str | Path | None,
-    faces: str,
 ) -> Network:
-    """The network that files of another program describe; see `Network.read_project`."""
+    """The network that files of another program describe; see `Network.read_project`.
+
+    Args:
+        paths: The files.
+        more_points: Files of points beside them, and the sigma of those that have none.
+        systems: Definitions of the frame and of the system of the points.
+        reading: Encoding; whether files outside are read; what is ignored.
+        worth: Standard deviations; the file of the stochastic model; what becomes of both faces.
+        refraction: Coefficient of zenith angles.
+        geoid: Geoid heights and deflections.
+    """
+    (encoding, outside, ignore), (sigmas, stochastic, faces) = reading, worth
     watch = Stopwatch()
     with watch.phase("read"):
         place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
         model = NOTHING if stochastic is None else read_stochastic(stochastic)
-        worth = {**model.default, **parse_sigmas(sigmas)}
-        project = read_project(paths, Reading(encoding, outside, place, left_out, worth, model.instruments))
+        given = {**model.default, **parse_sigmas(sigmas)}
+        files, sigma = more_points
+        has_more = isinstance(files, str | Path) or bool(files)
+        how = Reading(encoding, outside, place, left_out, given, model.instruments, has_more)
+        project = read_project(paths, how)
+        own = project.systems(*systems)
+        points = project.points_in(own[1] or own[0])
+        if has_more:
+            points = completed(points, read_point_lists(files, sigma, encoding, ignore, own[1] or own[0]))
     coefficient = project.refraction if refraction is None else refraction
-    systems = project.systems(frame, points_crs)
-    points = project.points_in(systems[1] or systems[0])
-    network = Network.assembled(points, project.book, *systems, coefficient, watch, faces)
+    network = Network.assembled(points, project.book, *own, coefficient, watch, faces)
     datum = network.datum if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
     network = replace(
         network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
@@ -107,6 +119,20 @@ def read_project_network(
     if "deflections" in left_out:
         return replace(network, book=network.book.warned(f"{place}: left out, as asked for (--ignore)"))
     return network.with_deflections(place)
+
+
+def completed(points: Points, more: Points) -> Points:
+    """Points with those of other files, which say what the first ones leave open.
+
+    Raises:
+        InputError: Both say something of a point.
+    """
+    heights, sigmas = points.coordinates[:, 2], points.sigmas[:, 2]
+    has_height = np.isfinite(heights) & ~((heights == 0.0) & (sigmas == 0.0))  # 0, held: of a plane
+    is_open = (~np.isfinite(points.coordinates[:, :2]).any(axis=1) & ~has_height).tolist()
+    given = set(more.names)
+    kept = [row for row, name in enumerate(points.names) if not (name in given and is_open[row])]
+    return merge_points([points.subset(np.array(kept, np.intp)), more])
 
 
 def with_axes_told(network: Network) -> Network:
