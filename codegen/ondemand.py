@@ -8,8 +8,7 @@ from obseq.codegen.pipeline import generate
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find
 from obseq.kernels.loading import Kernel, describe
-from obseq.kernels.ondemand import folder, in_memory
-from obseq.writing import write_text
+from obseq.kernels.ondemand import folder, in_memory, write_kept
 
 
 @expecting(formula=instance(Formula, what="a formula, an object of a class derived from Formula"))
@@ -44,5 +43,5 @@ def formula_hash(name: str) -> str:
 def keep(formula: Formula) -> Path:
     """Writes the module of a formula where those built on demand are kept; the file."""
     path = folder() / f"{formula.name}.py"
-    write_text(path, generate(formula, on_demand=True).text)
+    write_kept(path, generate(formula, on_demand=True).text)
     return path

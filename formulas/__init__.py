@@ -7,11 +7,17 @@ require("obseq.formulas", "gencode", *GENERATOR)
 from obseq.formulas import radiometry
 from obseq.formulas.backward import BACKWARD
 from obseq.formulas.base import Formula
+from obseq.formulas.beside import BESIDE
 from obseq.formulas.bundles import BUNDLES
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
 from obseq.formulas.colinearity import COLINEARITIES
 from obseq.formulas.distortion import DISTORTIONS
-from obseq.formulas.image_deformation import DeformImAffinity, DeformImHomotethy, LGrad_DeformImHomotethy
+from obseq.formulas.image_deformation import (
+    DeformImAffinity,
+    DeformImHomography,
+    DeformImHomotethy,
+    LGrad_DeformImHomotethy,
+)
 from obseq.formulas.lidar import (
     EqLidarImCensus,
     EqLidarImCensusPose,
@@ -38,10 +44,9 @@ from obseq.formulas.special_topography import (
     AxisPlane,
     AxisRadius,
     TopoAlpha,
-    TopoAlphaOff,
     TopoBeta,
-    TopoBetaOff,
     TopoDHParam,
+    TopoDHParamOff,
     TopoDistHz0,
 )
 from obseq.formulas.topography import (
@@ -49,19 +54,12 @@ from obseq.formulas.topography import (
     TopoDH,
     TopoDist,
     TopoDistHz,
-    TopoDistHzOff,
-    TopoDistOff,
     TopoDX,
-    TopoDXOff,
     TopoDY,
-    TopoDYOff,
     TopoDZ,
-    TopoDZOff,
     TopoHz,
-    TopoHzOff,
     TopoScaledFrame,
     TopoZen,
-    TopoZenOff,
 )
 
 REGISTRY: tuple[Formula, ...] = (
@@ -75,22 +73,15 @@ REGISTRY: tuple[Formula, ...] = (
     TopoDY(),
     TopoDZ(),
     TopoDH(),
-    TopoHzOff(),
-    TopoZenOff(),
-    TopoDistOff(),
-    TopoDXOff(),
-    TopoDYOff(),
-    TopoDZOff(),
     TopoScaledFrame(),
     TopoDistHz(),
-    TopoDistHzOff(),
     TopoAngle(),
     TopoDistHz0(),
     TopoAlpha(),
-    TopoAlphaOff(),
     TopoBeta(),
-    TopoBetaOff(),
     TopoDHParam(),
+    TopoDHParamOff(),
+    *BESIDE,
     AxisRadius(),
     AxisPlane(),
     AxisLink(),
@@ -119,6 +110,7 @@ REGISTRY: tuple[Formula, ...] = (
     DeformImHomotethy(),
     LGrad_DeformImHomotethy(),
     DeformImAffinity(),
+    DeformImHomography(),
     *radiometry.REGISTERED,
     *DISTORTIONS,
     *CENTRAL_PROJECTIONS,

@@ -152,6 +152,33 @@ class Part:
         return "" if isinstance(value, self.kind) else f"a {self.kind.__name__}"
 
 
+@dataclass(frozen=True)
+class Registered:
+    """A formula in the name of one that is made of it, by its own name.
+
+    Attributes:
+        members: Those that are found by their names; others may be given, too.
+    """
+
+    members: "tuple[Patterned, ...]"
+
+    def expression(self) -> str:
+        """The names."""
+        return f"(?:{'|'.join(member.name for member in self.members)})"
+
+    def read(self, text: str) -> "Patterned":
+        """The formula of that name."""
+        return next(member for member in self.members if member.name == text)
+
+    def write(self, value: "Patterned") -> str:
+        """Its name."""
+        return value.name
+
+    def complaint(self, value: object) -> str:
+        """A formula, for anything else."""
+        return "" if isinstance(value, Patterned) else "a formula"
+
+
 class Patterned:
     """What has a name with fields: the families of formulas, and parts of their names.
 

@@ -68,20 +68,6 @@ class TopoAlpha(Formula):
         return angle_difference(atan2(sight.y, sight.x), alpha)
 
 
-class TopoAlphaOff(Formula):
-    """Angle from the x axis of a sub-frame, of a point that stands beside or above its mark.
-
-    Residual: as `TopoAlpha` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = COMP3D
-    typical = SIGHT
-
-    def residual(self, station: Station, target: Target, *, offset: Offset, alpha: MeasuredAngle) -> Scalar:
-        """The angle computed, minus the angle observed (rad)."""
-        return TopoAlpha().residual(station, target + offset, alpha=alpha)
-
-
 class TopoBeta(Formula):
     """Elevation of a target above the plane of the x and y axes of a sub-frame.
 
@@ -97,20 +83,6 @@ class TopoBeta(Formula):
         sight = let("sight", station.inverse() @ target)
         horizontal = let("horizontal", norm(Point2(sight.x, sight.y)))
         return angle_difference(atan2(sight.z, horizontal), beta)
-
-
-class TopoBetaOff(Formula):
-    """Elevation in a sub-frame, of a point that stands beside or above its mark.
-
-    Residual: as `TopoBeta` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = COMP3D
-    typical = SIGHT
-
-    def residual(self, station: Station, target: Target, *, offset: Offset, beta: MeasuredAngle) -> Scalar:
-        """The elevation computed, minus the elevation observed (rad)."""
-        return TopoBeta().residual(station, target + offset, beta=beta)
 
 
 class TopoDHParam(Formula):
@@ -142,6 +114,39 @@ class TopoDHParam(Formula):
             semi_major_axis=semi_major_axis,
             eccentricity2=eccentricity2,
             height_difference=rise,
+        )
+
+
+class TopoDHParamOff(Formula):
+    """Unknown difference of heights of two points that stand beside or above their marks.
+
+    Residual: as `TopoDHParam` with the target moved by `off`.
+    """
+
+    source = "TopoDHParam with a correction along the line"
+    typical = TopoDHParam.typical
+
+    def residual(
+        self,
+        rise: Annotated[Length, "d"],
+        origin: From,
+        target: Target,
+        *,
+        offset: Offset,
+        to_geocentric: Annotated[Matrix3, "RTL2Geoc_R"],
+        translation: Annotated[Point3, "RTL2Geoc_T"],
+        semi_major_axis: Annotated[Length, "a"],
+        eccentricity2: Annotated[Number, "e2"],
+    ) -> Scalar:
+        """The height difference computed, minus the unknown one (m)."""
+        return TopoDHParam().residual(
+            rise,
+            origin,
+            target + offset,
+            to_geocentric=to_geocentric,
+            translation=translation,
+            semi_major_axis=semi_major_axis,
+            eccentricity2=eccentricity2,
         )
 
 

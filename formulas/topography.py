@@ -122,99 +122,6 @@ class TopoDZ(Formula):
         return (station.inverse() @ target).z - dz
 
 
-class TopoHzOff(Formula):
-    """Horizontal direction between two points that stand beside or above their marks.
-
-    Residual: as `TopoHz` with the target moved by `off`: the offset of the target (height of the target
-    along its vertical) minus that of the instrument, in the frame of the points.
-    """
-
-    source = "TopoHz with heights of instrument and target"
-    typical = TopoHz.typical
-
-    def residual(self, station: Station, target: Target, *, offset: Offset, hz: MeasuredAngle) -> Scalar:
-        """The direction computed, minus the direction observed (rad)."""
-        return TopoHz().residual(station, target + offset, hz=hz)
-
-
-class TopoZenOff(Formula):
-    """Zenith angle between two points that stand beside or above their marks.
-
-    Residual: as `TopoZen` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = "TopoZen with heights of instrument and target"
-    typical = TopoZen.typical
-
-    def residual(
-        self,
-        station: Station,
-        target: Target,
-        *,
-        offset: Offset,
-        refraction: Annotated[Angle, "ref_cor"],
-        zenith: MeasuredAngle,
-    ) -> Scalar:
-        """The zenith angle computed, corrected for refraction, minus the angle observed (rad)."""
-        return TopoZen().residual(station, target + offset, refraction=refraction, zenith=zenith)
-
-
-class TopoDistOff(Formula):
-    """Spatial distance between two points that stand beside or above their marks.
-
-    Residual: as `TopoDist` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = "TopoDist with heights of instrument and target"
-    typical = TopoDist.typical
-
-    def residual(self, origin: From, target: Target, *, offset: Offset, distance: MeasuredLength) -> Scalar:
-        """The distance computed, minus the distance observed (m)."""
-        return TopoDist().residual(origin, target + offset, distance=distance)
-
-
-class TopoDXOff(Formula):
-    """First component of the vector between two points that stand beside or above their marks.
-
-    Residual: as `TopoDX` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = "TopoDX with heights of instrument and target"
-    typical = TopoDX.typical
-
-    def residual(self, station: Station, target: Target, *, offset: Offset, dx: MeasuredLength) -> Scalar:
-        """The component computed, minus the component observed (m)."""
-        return TopoDX().residual(station, target + offset, dx=dx)
-
-
-class TopoDYOff(Formula):
-    """Second component of the vector between two points that stand beside or above their marks.
-
-    Residual: as `TopoDY` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = "TopoDY with heights of instrument and target"
-    typical = TopoDY.typical
-
-    def residual(self, station: Station, target: Target, *, offset: Offset, dy: MeasuredLength) -> Scalar:
-        """The component computed, minus the component observed (m)."""
-        return TopoDY().residual(station, target + offset, dy=dy)
-
-
-class TopoDZOff(Formula):
-    """Third component of the vector between two points that stand beside or above their marks.
-
-    Residual: as `TopoDZ` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = "TopoDZ with heights of instrument and target"
-    typical = TopoDZ.typical
-
-    def residual(self, station: Station, target: Target, *, offset: Offset, dz: MeasuredLength) -> Scalar:
-        """The component computed, minus the component observed (m)."""
-        return TopoDZ().residual(station, target + offset, dz=dz)
-
-
 class TopoScaledFrame(Formula):
     """Component of the vector between two points along an axis of a frame whose scale is not quite 1.
 
@@ -256,28 +163,6 @@ class TopoDistHz(Formula):
         """The distance computed, minus the distance observed (m)."""
         sight = (target - origin).with_names("sight")
         return norm(up.cross(sight)) - distance
-
-
-class TopoDistHzOff(Formula):
-    """Horizontal distance in the horizon of the first of two points that stand beside or above their marks.
-
-    Residual: as `TopoDistHz` with the target moved by `off` (see `TopoHzOff`).
-    """
-
-    source = "TopoDistHz with heights of instrument and target"
-    typical = TopoDistHz.typical
-
-    def residual(
-        self,
-        origin: From,
-        target: Target,
-        *,
-        offset: Offset,
-        up: Annotated[Point3, "u"],
-        distance: MeasuredLength,
-    ) -> Scalar:
-        """The distance computed, minus the distance observed (m)."""
-        return TopoDistHz().residual(origin, target + offset, up=up, distance=distance)
 
 
 class TopoAngle(Formula):

@@ -21,11 +21,16 @@ class OutsideData:
     folders: tuple[Path, ...] = (SHARED_DATA, EXCERPTS)
 
     def __truediv__(self, path: str) -> Path:
-        """A data set, or a file in one; a test that asks for one that is nowhere is skipped."""
+        """A data set, or a file in one; a test that asks for one that is nowhere is skipped.
+
+        An excerpt of a data set may hold some of its files: a test that needs another one is skipped, too.
+        """
         data_set = Path(path).parts[0]
-        folder = self.find(data_set)
-        if folder is not None:
-            return folder.parent / path
+        places = [folder / path for folder in self.folders if (folder / data_set).is_dir()]
+        if places and (SHARED_DATA / data_set).is_dir():
+            return places[0]
+        for place in filter(Path.exists, places):
+            return place
         pytest.skip(reason=f"the data set {data_set} is not beside the repository: {SHARED_DATA}")
 
     def find(self, data_set: str) -> Path | None:

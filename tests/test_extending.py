@@ -68,7 +68,7 @@ ABOUT_EACH = (
     "test_every_formula_says_what_it_is",
 )
 FAMILIES = {
-    "A kind of survey observation": ("space", "topography", "special_topography"),
+    "A kind of survey observation": ("space", "topography", "special_topography", "beside"),
     "An output format": ("space", "topography"),
 }
 """Those that the tests of a section need, where the first one is not enough."""

@@ -69,6 +69,8 @@ def table(path):
 
 def test_every_row_of_both_tables_has_a_test(shared_data):
     folder = shared_data / "field-cases"
+    if not (folder / "README.md").is_file():
+        pytest.skip("the whole collection, with its tables, is not beside the repository")
     here = {"azimuth-hint", "point-sigma", "engine"}
     assert table(folder / "README.md") <= set(ELSEWHERE) | here
     if (folder / "engine").is_dir():

@@ -11,10 +11,10 @@ HEAD = """# Formats
 
 <!-- Written by tools/formats.py from src/obseq/formats/catalogue.py. -->
 
-`obseq adjust FILES...` takes any mixture: files say by suffix, root element or first line what they are. Points of one
-file complete the observations of another. `--obs` and `--cor` say it where names do not. What each reader takes, and what
-it refuses, is in [files of other programs](other-formats.md), [OBS and COR](survey-files.md) and
-[blocks of images](first-block.md).
+`obseq adjust FILES...` takes any mixture: files say by suffix, root element or first line what they are.
+Points of one file complete the observations of another. `--obs` and `--cor` say it where names do not. What
+each reader takes, and what it refuses, is in [files of other programs](other-formats.md),
+[OBS and COR](survey-files.md) and [blocks of images](first-block.md).
 
 ## Networks
 
@@ -37,10 +37,10 @@ def page() -> str:
         rows.append(f"| {' | '.join(cells)} |\n")
     unread = ", ".join(known.name for known in UNREAD)
     blocks = "".join(f"| `--{name} {kind}` | {what} |\n" for name, (kind, what) in OTHERS.items())
-    return (
-        f"{HEAD}{''.join(rows)}\nResults (`.json`) are written as {', '.join(RESULT_WRITERS)}. Known by their "
-        f"content, and not read: {unread}.\n\n## Blocks of images\n\n| `obseq bundle` | is |\n|---|---|\n{blocks}"
-    )
+    results = f"Results (`.json`) are written as {', '.join(RESULT_WRITERS)}."
+    known = f"Known by their content, and not read: {unread}."
+    images = f"## Blocks of images\n\n| `obseq bundle` | is |\n|---|---|\n{blocks}"
+    return f"{HEAD}{''.join(rows)}\n{results} {known}\n\n{images}"
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ PositionArray: TypeAlias = NDArray[np.uint32]
 IndexArray: TypeAlias = NDArray[np.int32]
 KeyArray: TypeAlias = NDArray[np.uint64]
 ByteArray: TypeAlias = NDArray[np.uint8]
+ByteRows: TypeAlias = NDArray[np.uint8]
 
 FloatRows: TypeAlias = NDArray[np.float64]
 """Two dimensions; in compiled loops the names above stand for one."""

@@ -1,11 +1,13 @@
 """A result that is none is not made known points of, and one in which something is wrong is told as that."""
 
+import csv
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
 from obseq.cli.main import main
+from obseq.report import read_json
 
 DATA = files("obseq.survey") / "data"
 
@@ -40,3 +42,17 @@ def test_a_suspected_error_is_told(tmp_path, capsys):
     capsys.readouterr()
     assert main(["convert", str(path), "--to", str(tmp_path / "n.cor")]) == 1
     assert "gross errors are suspected, which spoil these coordinates" in capsys.readouterr().out
+
+
+def test_a_table_of_observations_holds_the_observations_of_a_result(result, capsys):
+    record, path = read_json(result), result.with_name("x.obs.csv")
+    assert main(["convert", str(result), "--to", str(path)]) == 0
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert [(row["type"], row["from"], row["to"]) for row in rows] == [
+        (row.type, row.origin, row.target) for row in record.observations
+    ]
+    assert [float(row["residual"]) for row in rows] == [row.residual for row in record.observations]
+    assert [row["active"] for row in rows] == [str(int(row.active)) for row in record.observations]
+    capsys.readouterr()
+    assert main(["adjust", str(path)]) == 2  # set-ups and heights of instruments are not in a result
+    assert "column rejected is unknown" in capsys.readouterr().err

@@ -118,8 +118,8 @@ def test_options_without_effect_are_accepted_and_told(tmp_path, monkeypatch, cap
 def test_the_tutorials_own_line(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     lines = [f"P.{k} {k} 0 0" for k in range(10)]
-    Path("p.coo").write_text("a header\n" + "\n".join(lines) + "\n", encoding="utf-8")
-    words = ["p.coo", "NXYZ", "Std", "NumL0=3", "NumLast=6", r"PatName=P\.(.*)", "NbDigName=4"]
+    Path("p.txt").write_text("a header\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    words = ["p.txt", "NXYZ", "Std", "NumL0=3", "NumLast=6", r"PatName=P\.(.*)", "NbDigName=4"]
     assert main(["mmvii", "ImportGCP", *words]) == 0
     assert read_control_points(TREE / "ObjCoordWorld" / "Std").names == ("2", "3", "4")
 

@@ -138,3 +138,34 @@ def test_points_in_another_system_keep_their_covariances(tmp_path, monkeypatch, 
 def test_what_cannot_run_says_why(panel, capsys, command, reason):
     assert main(command.split()) == 2
     assert reason in capsys.readouterr().err
+
+
+@pytest.fixture
+def far_away(panel):
+    """The panel's points and orientation, said to be in a frame; the points in geocentric coordinates too."""
+    frame, tree = "RTL*2*48*0*EPSG:4326", panel / "MMVII-PhgrProj"
+    for folder in (tree / "PointsMeasure/Fil", tree / "Ori/BA"):
+        (folder / "CurSysCo.xml").write_text(system_text(frame))
+    assert main("change-sysco GeoC Fil Geo".split()) == 0
+    return tree
+
+
+def test_a_report_brings_points_in_the_system_of_the_orientation(far_away, capsys):
+    details = []
+    for points in ("Fil", "Geo"):
+        assert main(f"report-gcp 043_.* {points} Fil BA".split()) == 0
+        told = capsys.readouterr().err
+        assert ("points converted from GeoC to RTL*2*48*0*EPSG:4326" in told) == (points == "Geo")
+        details.append(
+            (far_away / f"Reports/ReportGCP/BA_Mes-{points}-Fil/Detail.csv").read_text().splitlines()
+        )
+    first, second = (np.array([line.split(",")[2:] for line in lines[1:]], dtype=float) for lines in details)
+    np.testing.assert_allclose(second, first, rtol=0.0, atol=2e-6)
+
+
+def test_an_orientation_of_reference_in_another_system_is_refused(far_away, capsys):
+    shutil.copytree(far_away / "Ori/BA", far_away / "Ori/Other")
+    (far_away / "Ori/Other/CurSysCo.xml").write_text(system_text("GeoC"))
+    command = "bundle-adjust 043_00.* BA Out GCP3D=[[Fil,1]] GCP2D=[[Fil,0.5]] RefOri=[Other,1,1]"
+    assert main(command.split()) == 2
+    assert "Ori/Other in GeoC: convert one of them" in capsys.readouterr().err

@@ -16,7 +16,7 @@ CODE = bytes(range(256)) * 9
 @pytest.fixture(autouse=True)
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
-    cache._say_once.cache_clear()
+    cache._warn_once.cache_clear()
     return tmp_path / "cache"
 
 
@@ -96,3 +96,36 @@ def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "home", homeless)
     cache.write("loop_1", CODE)
     assert cache.read("loop_1") is None
+
+
+@pytest.mark.parametrize("which", ["file", "folder", "folder above", "file of another"])
+def test_what_others_may_write_is_not_run(
+    which: str, place: Path, monkeypatch: pytest.MonkeyPatch, logged: list[LogRecord]
+) -> None:
+    cache.write("loop_1", CODE)
+    path = cache.folder() / "loop_1.nbc"
+    if which == "file of another":
+        monkeypatch.setattr(os, "geteuid", lambda: path.stat().st_uid + 1)
+        if path.stat().st_uid == 0:  # the administrator, whom everybody trusts
+            os.chown(path, 12345, -1)
+    else:
+        changed = {"file": path, "folder": path.parent, "folder above": place}[which]
+        changed.chmod(changed.stat().st_mode | 0o020)
+    assert cache.read("loop_1") is None and cache.read("loop_1") is None
+    (said,) = [record.getMessage() for record in logged]
+    assert ("belongs to somebody else" if "another" in which else "may be written by others") in said
+    assert "is not run" in said
+
+
+def test_what_is_written_anew_is_the_user_s_own(place: Path) -> None:
+    """Folders that an earlier version left open are closed, whatever the mask."""
+    before = os.umask(0)
+    try:
+        cache.write("loop_1", CODE)
+        modes = [path.stat().st_mode & 0o777 for path in (cache.folder(), cache.folder() / "loop_1.nbc")]
+        assert modes == [0o700, 0o600] and place.stat().st_mode & 0o022 == 0
+        cache.folder().chmod(0o777)
+        cache.write("loop_1", CODE)
+        assert cache.read("loop_1") == CODE
+    finally:
+        os.umask(before)

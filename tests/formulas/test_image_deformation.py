@@ -2,7 +2,12 @@
 
 import pytest
 
-from obseq.formulas.image_deformation import DeformImAffinity, DeformImHomotethy, LGrad_DeformImHomotethy
+from obseq.formulas.image_deformation import (
+    DeformImAffinity,
+    DeformImHomography,
+    DeformImHomotethy,
+    LGrad_DeformImHomotethy,
+)
 
 SQUARE = (10, 20, 100, 110, 120, 170)
 """Corner (10, 20); values 100, then 110 next along x, 120 next along y, 170 on the diagonal."""
@@ -36,3 +41,23 @@ def test_a_value_and_its_gradient() -> None:
     # Image 100 with gradient (10, -4) at (10, 20), read at (10.5, 20.25): 104. Model 120.
     found = LGrad_DeformImHomotethy().evaluate((2, 20, 0.5, 10, 20), (10, 20, 100, 10, -4, 1, 0.5, 50))
     assert found == pytest.approx((16,))
+
+
+def test_homography_has_perspective_bend_light_and_blur() -> None:
+    """Depth 1 + 0.5 2 = 2, so that p = (4, 2) / 2 = (2, 1), with |p|^2 = 5: place (10 + 2 + 0.5, 20 + 1 - 1).
+
+    The image there is 100 + 10 0.5 - 4 (-1) = 109, the model (2 + 0.5 2) (50 + 0.1 20) + 5 + 2 = 163.
+    """
+    unknowns = (2, 5, 0.5, 0, 1, 0, 0.1, 2, 0, 0, 2, 0.5, 0, 0.1, -0.2, 10, 20)
+    observations = (12, 21, 100, 10, -4, 2, 1, 50, 20)
+    assert DeformImHomography().evaluate(unknowns, observations) == pytest.approx((163 - 109,))
+
+
+def test_homography_without_its_own_is_the_affinity() -> None:
+    """At the place where the image was read, its gradient does not count."""
+    unknowns = (2, 20, 0, 0, 0, 0, 0, 0.5, 0.1, -0.1, 0.5, 0, 0, 0, 0, 10, 20)
+    (one,) = DeformImHomography().evaluate(unknowns, (10.6, 20.3, 105, 3, 7, 1, 1, 50, 9))
+    (other,) = DeformImAffinity().evaluate(
+        (2, 20, 0.5, 0.1, -0.1, 0.5, 10, 20), (10, 20, 105, 105, 105, 105, 1, 1, 50)
+    )
+    assert one == pytest.approx(other - 7 * 0.1)

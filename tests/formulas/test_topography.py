@@ -6,25 +6,19 @@ import mpmath
 import numpy as np
 import pytest
 
-from obseq.formulas.special_topography import TopoAlpha, TopoAlphaOff, TopoBeta, TopoBetaOff
+from obseq.formulas.beside import Beside
+from obseq.formulas.special_topography import TopoAlpha, TopoBeta, TopoDHParamOff
 from obseq.formulas.topography import (
     TopoAngle,
     TopoDH,
     TopoDist,
     TopoDistHz,
-    TopoDistHzOff,
-    TopoDistOff,
     TopoDX,
-    TopoDXOff,
     TopoDY,
-    TopoDYOff,
     TopoDZ,
-    TopoDZOff,
     TopoHz,
-    TopoHzOff,
     TopoScaledFrame,
     TopoZen,
-    TopoZenOff,
 )
 from obseq.kernels import calculator
 
@@ -102,6 +96,14 @@ def test_height_difference_on_the_equator():
     assert value == pytest.approx(0.5, abs=1e-8)
 
 
+def test_an_offset_moves_the_end_of_an_unknown_height_difference():
+    # 2 m up along x, the vertical on the equator at longitude 0; the unknown is 1.5 m
+    a, e2 = 6378137.0, 0.00669438
+    points = (a + 10.0, 0, 0, a + 10.0, 0, 0)
+    (value,) = TopoDHParamOff().evaluate((1.5, *points), (2.0, 0, 0, *IDENTITY, 0, 0, 0, a, e2))
+    assert value == pytest.approx(0.5, abs=1e-8)
+
+
 def test_height_difference_grows_with_the_square_of_the_distance():
     # 1 km along the tangent at the equator (a circle of radius a): 1000^2 / (2 a) = 0.0784 m higher.
     a, e2 = 6378137.0, 0.00669438
@@ -168,13 +170,13 @@ def test_polar_angles_count_as_a_mathematician_does():
 @pytest.mark.parametrize(
     ("formula", "moved", "rest"),
     [
-        (TopoHz(), TopoHzOff(), [0.1]),
-        (TopoZen(), TopoZenOff(), [1e-5, 0.1]),
-        (TopoAlpha(), TopoAlphaOff(), [0.1]),
-        (TopoBeta(), TopoBetaOff(), [0.1]),
-        (TopoDX(), TopoDXOff(), [0.1]),
-        (TopoDY(), TopoDYOff(), [0.1]),
-        (TopoDZ(), TopoDZOff(), [0.1]),
+        (TopoHz(), Beside(TopoHz()), [0.1]),
+        (TopoZen(), Beside(TopoZen()), [1e-5, 0.1]),
+        (TopoAlpha(), Beside(TopoAlpha()), [0.1]),
+        (TopoBeta(), Beside(TopoBeta()), [0.1]),
+        (TopoDX(), Beside(TopoDX()), [0.1]),
+        (TopoDY(), Beside(TopoDY()), [0.1]),
+        (TopoDZ(), Beside(TopoDZ()), [0.1]),
     ],
 )
 def test_an_offset_moves_the_target(formula, moved, rest):
@@ -196,7 +198,7 @@ def test_a_scale_multiplies_what_was_read(plain, axis):
 
 
 def test_an_offset_moves_the_end_of_a_distance():
-    (value,) = TopoDistOff().evaluate((1, 1, 1, 4, 5, 10), [0.0, 0.0, 3.0, 12.5])
+    (value,) = Beside(TopoDist()).evaluate((1, 1, 1, 4, 5, 10), [0.0, 0.0, 3.0, 12.5])
     assert value == pytest.approx(0.5, abs=1e-15)
 
 
@@ -212,7 +214,7 @@ def test_horizontal_distance_leaves_out_what_is_along_the_vertical():
 def test_an_offset_moves_the_end_of_a_horizontal_distance():
     # the target stands 2 m above its mark, leaning 3 m to the east: 3 - 3 m east and 4 m north remain
     ends, leaning = (100.0, 200.0, 10.0, 103.0, 204.0, 22.0), (-3.0, 0.0, 2.0)
-    (found,) = TopoDistHzOff().evaluate(ends, (*leaning, 0.0, 0.0, 1.0, 3.9))
+    (found,) = Beside(TopoDistHz()).evaluate(ends, (*leaning, 0.0, 0.0, 1.0, 3.9))
     assert found == pytest.approx(0.1, abs=1e-13)
 
 

@@ -15,3 +15,9 @@ def test_a_block_agrees_with_the_referee(tmp_path, seed):
     assert verdict.said == ""
     assert verdict.worst() <= 1.0, verdict
     assert verdict.more <= 3
+
+
+def test_a_free_block_with_clinometers_comes_back_by_a_turn_about_the_vertical(tmp_path):
+    verdict = judge_block(23, block_case(23), tmp_path)
+    assert verdict.worst() <= 1.0, verdict
+    assert verdict.more <= 3

@@ -28,6 +28,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("OBSEQ_CACHE", str(tmp_path / "cache"))
     loading.load.cache_clear()
     ondemand._say_once.cache_clear()
+    machine_code._warn_once.cache_clear()
     return tmp_path / "cache"
 
 
@@ -115,3 +116,37 @@ def test_the_folder_is_the_platform_s(
     monkeypatch.setattr(Path, "home", lambda: Path("home"))
     monkeypatch.setattr(sys, "platform", platform)
     assert ondemand.user_folder() == Path(expected)
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda text: text[: len(text) // 2], lambda text: text.replace("STRIDE", "LANES", 1)]
+)
+def test_a_damaged_module_is_built_again(damage, logged: list[LogRecord]) -> None:
+    calc = obseq.calculator(NAME)
+    expected = calc.values([UNKNOWNS], [OBSERVATIONS])
+    path = ondemand.folder() / f"{NAME}.py"
+    text = path.read_text("utf-8")
+    assert damage(text) != text
+    path.write_text(damage(text), "utf-8")
+    loading.load.cache_clear()
+    assert obseq.calculator(NAME).values([UNKNOWNS], [OBSERVATIONS]) == expected
+    assert path.read_text("utf-8") == text
+    assert any("is damaged: it is built again" in record.getMessage() for record in logged)
+
+
+def test_without_the_generator_a_damaged_module_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    obseq.calculator(NAME)
+    (ondemand.folder() / f"{NAME}.py").write_text("raise SystemExit('run')", "utf-8")
+    loading.load.cache_clear()
+    monkeypatch.setattr(ondemand, "can_build", lambda: False)
+    with pytest.raises(obseq.FormulaError, match=r"RadiomVignetLin_2.py is damaged; to build it again"):
+        obseq.calculator(NAME)
+
+
+def test_a_module_that_others_may_write_is_not_run(logged: list[LogRecord]) -> None:
+    obseq.calculator(NAME)
+    path = ondemand.folder() / f"{NAME}.py"
+    path.chmod(0o666)
+    loading.load.cache_clear()
+    assert obseq.calculator(NAME).name == NAME
+    assert any("may be written by others" in record.getMessage() for record in logged)

@@ -9,7 +9,7 @@ from referee.network import ABSOLUTE, FROM_NORTH, TINY, Unknowns
 TOLERANCE = 1e-6  # of sigma0, for the length of the last step in standard deviations
 SMALL = 1e-2  # of sigma0: steps below it that shrink no more are the rounding of geocentric coordinates
 SINGULAR = 1e-9  # of the largest singular value of the scaled design
-MOST = 40
+MOST = 60
 
 
 class UndeterminedError(Exception):
@@ -81,7 +81,7 @@ def adjust(network, equations=Equations, unknowns=Unknowns, polish=2):
         before, length = length, np.linalg.norm(design.white @ step)
         freedom = len(design.v) - basis.shape[1]
         scale = np.linalg.norm(design.misfit) / np.sqrt(freedom) if freedom else 1.0
-        is_rounding = length < SMALL * scale and length > before / 2
+        is_rounding = length < SMALL * scale and length > 0.9 * before
         if left < polish or length <= TOLERANCE * scale or is_rounding:
             if left == 0:
                 return result(network, unknowns, design, basis, iterations + 1)

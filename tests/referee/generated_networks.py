@@ -107,12 +107,15 @@ class Maker(Surveyor):
         network.__dict__.pop("given", None)
 
     def start(self, network):
-        """Starts free coordinates away from the truth, by what a map would say."""
-        far = 0.01 * min(self.size, 300.0) * float(self.random.uniform(0, 1))
-        for p in network.points:
+        """Starts free coordinates away from the truth, by a share of the distance to the nearest point."""
+        share = 0.1 * float(self.random.uniform(0, 1))
+        xyz = np.array([p.true for p in network.points])
+        apart = np.linalg.norm(xyz[:, None] - xyz, axis=2) + 1e9 * np.eye(len(xyz))
+        nearest = np.minimum(apart.min(axis=1), 30.0)
+        for p, near in zip(network.points, nearest.tolist(), strict=True):
             free = np.isnan(p.sigmas)
             metres = network.system.metres(p.true)
-            p.given = p.given + free * self.random.normal(0, far, 3) * (1, 1, 0.3) / metres
+            p.given = p.given + free * self.random.normal(0, share * near, 3) * (1, 1, 0.3) / metres
             p.start = network.system.placed(p.given[None])[0]
             p.is_unplaced = self.is_sparse and free.all() and p.deflection is None
         network.__dict__.pop("given", None)

@@ -10,7 +10,7 @@ from obseq.errors import ObseqError
 from obseq.survey import Datum, Network, Quality, estimating
 
 TURNED = ("AxisPlane", "AxisFoot")  # an axis may point either way
-PROJ = 1e-7  # metres: two ways through PROJ to one place
+PROJ = 5e-7  # metres: two ways through PROJ to one place, near a pole
 
 
 def read(case, folder):
@@ -138,7 +138,7 @@ def compared(case, network, found, adjustment):
     residuals, w = signs * residuals, signs * w
     verdict.residuals = float((np.abs(adjustment.residuals[kept] - residuals) / sigmas).max())
     verdict.redundancies = float(np.abs(quality.redundancy[kept] - redundancy).max())
-    controlled = redundancy > 1e-4
+    controlled = redundancy > 1e-3
     gaps = np.abs(quality.standardised[kept] - w)[controlled]
     verdict.standardised = float(gaps.max(initial=0.0))
     return verdict

@@ -135,7 +135,7 @@ def _parameters(verdict, block, found, solution):
                 np.outer((found.spread[rows] ** 2).sum(axis=1), (found.spread[columns] ** 2).sum(axis=1))
             )
             verdict.covariances = max(
-                verdict.covariances, float((np.abs(theirs - ours) / np.maximum(scale, 1e-14)).max())
+                verdict.covariances, float((np.abs(theirs - ours) / np.maximum(scale, 1e-12)).max())
             )
     for k, name in enumerate(images):
         rows = np.arange(at["turn", "image", name].start, at["turn", "image", name].stop)

@@ -225,4 +225,4 @@ def test_gross_errors_come_before_what_they_may_leave_undetermined(tmp_path):
         Network.read(tmp_path / "r.obs", tmp_path / "r.cor").adjust()
     said = str(refusal.value)
     assert said.startswith("gross errors are suspected")
-    assert said.index("Dist B -> P") < said.index("which may follow from them: the iterations lead")
+    assert said.index(" -> P (") < said.index("which may follow from them: the iterations lead")

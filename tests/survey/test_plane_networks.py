@@ -122,7 +122,7 @@ def test_what_is_tried_is_told_while_it_lasts():
 
 def test_no_constant_of_kilometres_is_thought_of(shared_data):
     """Of five distances with hardly any control two, of one station, are in feet: much would fit."""
-    network = Network.read_project(shared_data / "gama-textbook-2d" / "Ghilani14_5_Distance_fix.gkf")
+    network = Network.read_project(shared_data / "gama-textbook-2d/Ghilani14_5_Distance_fix.gkf")
     rows = network.book.observations
     values = np.where(rows.from_points == rows.from_points[0], rows.values / 0.3048, rows.values)
     spoilt = replace(network, book=replace(network.book, observations=replace(rows, values=values)))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planned import PLACES, network, observation_text, point_text
+from planned import NAMES, PLACES, network, observation_text, point_text
 
 from obseq.cli.main import main
 from obseq.errors import InputError
@@ -210,3 +210,41 @@ def test_a_free_network_on_the_earth_is_that_of_a_plane(tmp_path, size):
 def test_a_negative_number_of_draws_is_refused(planned):
     with pytest.raises(InputError, match="draws=-1; give 0 for none"):
         plan(planned, draws=-1)
+
+
+def test_exact_observations_are_not_judged(tmp_path):
+    """Their residuals are rounding: no sigmas are too large, nothing is accepted or rejected."""
+    (tmp_path / "plan.obs").write_text(observation_text())
+    (tmp_path / "plan.cor").write_text(point_text())
+    read = ["--obs", str(tmp_path / "plan.obs"), "--cor", str(tmp_path / "plan.cor")]
+    assert main(["plan", *read, "--no-gains", "--out", str(tmp_path / "out")]) == 0
+    record = json.loads((tmp_path / "out/plan.json").read_text())["adjustment"]
+    assert record["planned"] and record["redundancy"] > 0
+    for judged in ("sigma0", "variance_factor", "global_test", "types", "setups", "suspicion"):
+        assert record[judged] is None
+    assert all("residual" in row and row["residual"] is None for row in record["observations"])
+    for name in ("plan.html", "plan.txt"):
+        text = (tmp_path / "out" / name).read_text().partition("<script")[0]
+        assert "Nothing is measured yet: precisions and reliability are those to expect." in text
+        for word in (
+            "rejected: ",
+            "accepted",
+            "sigmas announce",
+            "times too",
+            "exceeded by",
+            "NOT CONVERGED",
+        ):
+            assert word not in text
+
+
+def test_placeholders_have_not_moved(tmp_path):
+    network(tmp_path)
+    simulated = simulate(network(tmp_path), noise=False)
+    points, rows = simulated.points, [NAMES.index(name) for name in "AB"]
+    coordinates = points.coordinates.copy()
+    coordinates[rows] = 0.0
+    adjusted = replace(simulated, points=replace(points, coordinates=coordinates)).adjust()
+    moved = {point.name: point.moved for point in adjusted.record().points}
+    assert {item.name for item in adjusted.replaced} == {"A", "B"}
+    assert moved["A"] is None and moved["B"] is None
+    np.testing.assert_allclose(moved["C"], 0.0, atol=1e-6)

@@ -14,7 +14,7 @@ from referee.network import Observation, Point, Setup
 
 from obseq.survey import Network
 
-SEEDS = (6, 7, 11, 12, 13, 14, 18, 23, 24, 25, 30, 36)
+SEEDS = (6, 7, 11, 12, 13, 14, 18, 24, 25, 30, 42, 49, 66)
 """Of `tools/benchmarks/bench_independent.py`, which does thousands: of all dialects of files and places."""
 
 
@@ -25,6 +25,13 @@ def test_a_network_agrees_with_the_referee(tmp_path, seed):
     assert (verdict.said, verdict.accused) == ("", "")
     assert verdict.worst() <= 1.0, verdict
     assert verdict.more <= 3
+
+
+def test_stations_that_a_search_for_errors_has_placed_stand_upright(tmp_path):
+    """With deflections; first values of this network are doubtful: the adjustment begins elsewhere."""
+    verdict = judge(case(197), tmp_path)
+    assert verdict.said == ""
+    assert verdict.worst() <= 1.0, verdict
 
 
 def test_the_referee_gives_the_numbers_of_mmvii():

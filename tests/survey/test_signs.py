@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from outside import OutsideData
 
+from obseq.formats.columns import Columns, Measure
 from obseq.stopwatch import Stopwatch
 from obseq.survey import KINDS, Quality, simulate
-from obseq.survey.files.columns import Columns, Measure
 from obseq.survey.kinds.registry import BY_NAME
 from obseq.survey.model import Orientation, points_of_lines
 from obseq.survey.network import Network

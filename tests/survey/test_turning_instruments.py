@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
-from obseq.survey import Datum, Network, estimating, network_from_tables
+from obseq.survey import Datum, Network, Quality, estimating, network_from_tables
 from obseq.survey.adjustment.equations import Equations
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues
@@ -129,31 +129,47 @@ def test_stations_along_the_grid_stay_along_it_wherever_their_point_goes(tmp_pat
 
 
 @pytest.mark.parametrize("size", [100.0, 1000.0, 50_000.0])
-def test_one_known_point_leaves_the_rotation_and_known_heights_the_position(size):
-    """Plumb lines that were held would determine the rotation to 15 m whatever the size, or the position."""
+def test_one_known_point_leaves_the_rotation(size):
+    """Plumb lines that were held would determine it to 15 m whatever the size."""
     with pytest.raises(SingularSystemError, match="nothing fixes the rotation about z of B, C, D"):
         surveyed(size, known={"A": (0.001, 0.001, 0.001)}).adjust()
-    heights = dict.fromkeys("ABC", (None, None, 0.001))
-    with pytest.raises(SingularSystemError, match="nothing fixes the position along x, y of A, B, C, D"):
+
+
+def test_known_heights_leave_the_position_of_a_small_network():
+    """Curvature alone shows where it is: to half of its size, which is not determined."""
+    size, heights = 100.0, dict.fromkeys("ABC", (None, None, 0.001))
+    loose = "nothing fixes the position along x, y and the rotation about z of A, B, C, D"
+    with pytest.raises(SingularSystemError, match=loose):
         surveyed(size, heights).adjust()
-    assert (
-        surveyed(size, heights | {"D": (0.001, 0.001, None), "A": (0.001, 0.001, None)}).adjust().sigma0
-        < 1e-4
-    )
+    known = heights | {"D": (0.001, 0.001, None), "A": (0.001, 0.001, None)}
+    assert surveyed(size, known).adjust().sigma0 < 1e-4
 
 
-@pytest.mark.parametrize("size", [10.0, 1000.0, 10_000.0, 200_000.0])
-def test_free_networks_move_over_the_earth_and_turn_whatever_their_size(size):
-    """Nothing is known of a free network: redundancies are those of one point and one direction held."""
-    free = surveyed(size, {"A": (1e-3,) * 3, "B": (1e-3,) * 3}).adjust(datum=Datum("inner"))
-    assert free.solution.redundancy == 24  # 36 observations, 12 coordinates and 4 orientations less 4
-    assert sum(row.redundancy for row in free.record().observations) == pytest.approx(24.0, abs=1e-7)
-    held = surveyed(size, {"A": (1e-3, 1e-3, 1e-3), "B": (1e3 * size, 1e-3, None)}).adjust()
-    for one, other in zip(free.record().observations, held.record().observations, strict=True):
-        assert one.redundancy == pytest.approx(other.redundancy, abs=2e-9 + 1e-14 * size**2)
+def test_known_heights_show_the_position_of_a_large_network():
+    """A plane through three heights of 1 mm leans by s / D, and the position is R s / D off."""
+    size, heights = 50_000.0, dict.fromkeys("ABC", (None, None, 0.001))
+    found = surveyed(size, heights, azimuth=True).adjust(quality=Quality(a_priori=True))
+    assert found.solution.converged
+    expected = 6.4e6 * 0.001 / size
+    precisions = found.points.precisions[:, :2]
+    assert 0.3 * expected < precisions.min() and precisions.max() < 100.0 * expected
 
 
-def surveyed(size, known):
+@pytest.mark.parametrize(("size", "free"), [(10.0, 4), (1000.0, 4), (10_000.0, 4), (200_000.0, 3)])
+def test_free_networks_move_over_the_earth_and_turn(size, free):
+    """Redundancies are those of one point and one direction held; the height of the largest is seen."""
+    network = surveyed(size, {"A": (1e-3,) * 3, "B": (1e-3,) * 3})
+    found = network.adjust(datum=Datum("inner"))
+    assert found.solution.redundancy == 20 + free  # 36 observations, 12 coordinates and 4 orientations
+    redundancies = [row.redundancy for row in found.record().observations]
+    assert sum(redundancies) == pytest.approx(20 + free, abs=1e-7 if free == 4 else 1e-4)
+    if free == 4:
+        held = surveyed(size, {"A": (1e-3, 1e-3, 1e-3), "B": (1e3 * size, 1e-3, None)}).adjust()
+        expected = [row.redundancy for row in held.record().observations]
+        np.testing.assert_allclose(redundancies, expected, rtol=0, atol=2e-9 + 1e-14 * size**2)
+
+
+def surveyed(size, known, azimuth=False):
     """All sights between four points, without errors."""
     places = {"A": (0.0, 0.0, 0.01), "B": (0.9, 0.1, 0.02), "C": (0.3, 0.8, 0.04), "D": (0.7, 0.7, 0.06)}
     points = {"name": list(places)}
@@ -165,5 +181,6 @@ def surveyed(size, known):
         for kind, sigma in (("Hz", 3e-6), ("Zen", 3e-6), ("Dist", 0.002))
         for a, b in permutations(places, 2)
     ]
+    rows += [{"type": "Azim", "from": "A", "to": "B", "value": 1.0, "sigma": 3e-6}] * azimuth
     table = {column: [row[column] for row in rows] for column in rows[0]}
     return Simulation(network_from_tables(points, table, frame=FRAME)).without_errors()

@@ -73,7 +73,7 @@ def test_distances_count_turned_codes() -> None:
 def test_bits_of_a_class_tell_how_far_the_target_is_turned() -> None:
     spec = made("CERN", 12)
     name, code = next(iter(spec.codes.items()))
-    assert spec.turns[rotated(code, 12, 5)] == (name, 5)
+    assert (name, 5) in spec.turns[rotated(code, 12, 5)]
 
 
 def test_names_of_other_bases_and_beginnings() -> None:

@@ -26,7 +26,8 @@ examples:
   obseq convert results/adjustment.json --to adjusted.cor adjusted.csv map.geojson map.gpkg
 
 written, by suffix: of a network .gkf (GNU Gama), .xml (DynaML), .obs, .cor, .csv (points), .obs.csv
-(observations); of a result .cor, .csv (adjusted points), .geojson, .gpkg (maps; needs pyogrio)
+(observations); of a result .cor, .csv (adjusted points), .obs.csv (observations and how they fit), .geojson,
+.gpkg (maps; needs pyogrio)
 
 exit code: 0 written; 1 written, of a result in which something is wrong; 2 could not run"""
 

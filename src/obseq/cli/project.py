@@ -1,6 +1,7 @@
 """Commands of MMVII that compute on a project tree: `create-calib`, `resection`, `block-init` and others."""
 
 import argparse
+import sys
 from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import Commands, positive_integer, positive_number
@@ -267,12 +268,17 @@ def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Fil
 def _report(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.project.cameras import read_orientation
     from obseq.project.reports import gcp_reports
+    from obseq.project.systems import brought_to
 
     measures, control = _measured(arguments, tree)
-    poses, cameras = read_orientation(tree.orientation(arguments.orientation), measures.image_names)
+    orientation = tree.orientation(arguments.orientation)
+    control, told = brought_to(control, tree.points(arguments.points), orientation)
+    poses, cameras = read_orientation(orientation, measures.image_names)
     name = f"{arguments.orientation}_Mes-{arguments.points}-{arguments.measures}"
     folder = tree.folder("Reports", "ReportGCP") / name
     texts = gcp_reports(measures, control, poses, cameras)
+    if told:
+        print(told, file=sys.stderr)
     return texts["ByImage.csv"], {folder / file: text for file, text in texts.items()}, True
 
 

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from obseq.cli import targets_find
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all
@@ -50,6 +51,7 @@ def register(commands: Commands) -> None:
     )
     _register_generate(within)
     _register_draw(within)
+    targets_find.register(within)
 
 
 def _no_command(arguments: argparse.Namespace) -> int:

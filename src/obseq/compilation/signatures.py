@@ -24,6 +24,7 @@ ARRAYS = {
     "IndexArray": ("int32", 1),
     "KeyArray": ("uint64", 1),
     "ByteArray": ("uint8", 1),
+    "ByteRows": ("uint8", 2),
     "BoolArray": ("bool", 1),
 }
 """Type of the entries and number of dimensions of the arrays that annotations name."""

@@ -19,6 +19,7 @@ from obseq.crs.refraction import (
     curvature_radius,
     horizontal_distance,
     refraction_correction,
+    slopes_of_arc,
 )
 from obseq.crs.rigid import LocalTangent, RigidSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
@@ -61,5 +62,6 @@ __all__ = [
     "parse",
     "refraction_correction",
     "rtl_at",
+    "slopes_of_arc",
     "turn_of_vertical",
 ]

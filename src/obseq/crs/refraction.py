@@ -102,3 +102,29 @@ def arc_and_radius(
     rho = curvature_radius(place[..., 1])
     distance: FloatArray = np.arctan2(sine, cosine) * (rho + place[..., 2])
     return distance, rho
+
+
+def slopes_of_arc(
+    origins: FloatArray, targets: FloatArray, place: FloatArray, up: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) derivatives of D / (2 rho) by origins and by targets, of `arc_and_radius`; in 1 / m.
+
+    Without what the flattening adds through rho, below 1e-17.
+
+    Args:
+        origins: (n, 3) geocentric.
+        targets: (n, 3) geocentric.
+        place: (n, 3) longitude, latitude (rad) and height of the origins.
+        up: (n, 3) upwards at the origins.
+    """
+    distance, rho = arc_and_radius(origins, targets, place)
+    larger = 1.0 + place[:, 2] / rho
+    slopes = []
+    for ends, sign in ((origins, -1.0), (targets, 1.0)):
+        length = np.linalg.norm(ends, axis=1)[:, None]
+        sight = targets - origins
+        flat = sight - np.einsum("ni,ni->n", sight, ends)[:, None] * ends / np.square(length)
+        along = flat / np.maximum(np.linalg.norm(flat, axis=1), 1e-9)[:, None]
+        slopes.append(sign * larger[:, None] * along / (2.0 * length))
+    slopes[0] += (distance / larger / (2.0 * np.square(rho)))[:, None] * up
+    return slopes[0], slopes[1]

@@ -17,7 +17,7 @@ from obseq.formats.gama.sets import GamaNetwork
 from obseq.formats.gama.writer import gama_text
 from obseq.formats.obs.cor import cor_text
 from obseq.formats.obs.obs import obs_text
-from obseq.formats.point_files import cor_of, csv_of, csv_text
+from obseq.formats.point_files import cor_of, csv_of, csv_text, observations_csv
 from obseq.formats.sinex.normals import normals_of
 from obseq.formats.sinex.reader import MOST_OF_NORMALS
 from obseq.formats.sinex.writer import held_exactly, sinex_text
@@ -56,6 +56,7 @@ NETWORK_WRITERS: dict[str, Callable[[Network], str]] = {
 RESULT_WRITERS: dict[str, Callable[[AdjustmentRecord, float], str | bytes]] = {
     ".cor": lambda record, _: cor_of(record),
     ".csv": lambda record, _: csv_of(record),
+    ".obs.csv": lambda record, _: observations_csv(record),
     ".geojson": geojson,
     ".gpkg": geopackage,
 }

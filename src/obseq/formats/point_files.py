@@ -1,4 +1,4 @@
-"""Adjusted points as files: COR files that a next adjustment reads, and tables."""
+"""Results as files: points that a next adjustment reads (COR files), tables of points and observations."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from obseq.records.adjustment import AdjustmentRecord, PointRecord
     from obseq.survey.model import Points
 
+OBSERVATION_FIELDS = (
+    *("type", "origin", "target", "backsight", "value", "sigma", "unit", "active", "rejected"),
+    *("residual", "normalised_residual", "redundancy", "standardised_residual", "tau"),
+    *("detectable", "external", "blunder", "file", "line"),
+)
 HEADER = ("name", "x", "y", "z", "sx", "sy", "sz")
 
 
@@ -58,6 +63,23 @@ def csv_of(record: AdjustmentRecord) -> str:
         return csv_text(points)
     factors = [system.plan_unit.factor, system.plan_unit.factor, system.height_unit.factor]
     return csv_text(replace(points, coordinates=points.coordinates * factors), unit)
+
+
+def observations_csv(record: AdjustmentRecord) -> str:
+    """A table of the observations of a result, in metres and radians, and of how they fit.
+
+    It is no table to adjust again: a result does not say set-ups, heights of instruments or covariances.
+    """
+    rows = [[_cell(getattr(row, name)) for name in OBSERVATION_FIELDS] for row in record.observations]
+    header = [{"origin": "from", "target": "to"}.get(name, name) for name in OBSERVATION_FIELDS]
+    return spreadsheets.csv_text([header, *rows])
+
+
+def _cell(value: object) -> str:
+    """A cell: numbers at full precision, truths as 1 and 0, nothing where nothing is known."""
+    if value is None:
+        return ""
+    return str(int(value)) if isinstance(value, bool) else str(value)
 
 
 def csv_text(points: Points, unit: str = "m") -> str:

@@ -2,7 +2,8 @@
 
 The folder is `$OBSEQ_CACHE`, or the platform's place for caches. Each version of the equations and of the
 generator has its own sub-folder, so that what is found there is current; old ones can be deleted at any time.
-Building needs the generator (`pip install "obseq[gencode]"`); loading what was built does not.
+Building needs the generator (`pip install "obseq[gencode]"`); loading what was built does not. What is
+kept is run: a file is taken only if it is the user's own, and its text that of its hash.
 """
 
 import functools
@@ -12,14 +13,13 @@ import importlib.util
 import linecache
 import logging
 import re
-import sys
 from pathlib import Path
 from types import ModuleType
 
-from obseq.compilation.cache import user_folder
+from obseq.compilation.cache import keep, read_own, user_folder
 from obseq.errors import LONGEST_NAME, FormulaError, InputError
+from obseq.module_texts import is_whole
 from obseq.packages import GENERATOR, missing
-from obseq.writing import write_text
 
 LOGGER = logging.getLogger(__name__)
 NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
@@ -36,12 +36,21 @@ def find(name: str) -> ModuleType | None:
     lives in memory, and the warning says that.
 
     Raises:
-        FormulaError: A number in the name is too large or too small for its family.
+        FormulaError: A number in the name is too large or too small for its family; or what was kept is
+            damaged, and the generator is not installed.
     """
     if len(name) > LONGEST_NAME or not NAME.fullmatch(name):
         return None
     path = folder() / f"{name}.py"
-    return _load(name, path) if path.is_file() else _build(name, path)
+    kept = read_own(path)
+    text = "" if kept is None else kept.decode("utf-8", "replace")
+    if is_whole(text):
+        return in_memory(name, text)
+    if kept is not None:
+        LOGGER.warning("%s is damaged: it is built again", path)
+    if kept is not None and not can_build():
+        raise FormulaError(f'{path} is damaged; to build it again: pip install "obseq[gencode]"')
+    return _build(name, path)
 
 
 def in_memory(name: str, text: str) -> ModuleType:
@@ -90,25 +99,25 @@ def _build(name: str, path: Path) -> ModuleType | None:
     if text is None:
         return None
     try:
-        write_text(path, text)
+        write_kept(path, text)
+        LOGGER.warning("built %s on demand in %s, for this time and the next ones", name, path)
     except InputError as error:
         _say_once(str(error))
-        return in_memory(name, text)
-    LOGGER.warning("built %s on demand in %s, for this time and the next ones", name, path)
-    return _load(name, path)
+    return in_memory(name, text)
+
+
+def write_kept(path: Path, text: str) -> None:
+    """Writes a module where it is found again.
+
+    Raises:
+        InputError: nothing can be written there.
+    """
+    try:
+        keep(path, text.encode())
+    except OSError as error:
+        raise InputError(f"{error.filename or path}: it cannot be written ({error.strerror}).") from error
 
 
 @functools.cache
 def _say_once(reason: str) -> None:
     LOGGER.warning("%s Formulas are built anew in each process; OBSEQ_CACHE may name another folder.", reason)
-
-
-def _load(name: str, path: Path) -> ModuleType:
-    """The module in that file; registered as an import does, since numba's cache looks it up by its name."""
-    spec = importlib.util.spec_from_file_location(PREFIX + name, path)
-    if spec is None or spec.loader is None:
-        raise FormulaError(f"{name}: {path} is not a module")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module

@@ -16,8 +16,9 @@ from obseq.project.instrument_blocks import FILE, read_instrument_block
 from obseq.project.instrument_joining import ENTRIES, add_instruments
 from obseq.project.metadata import chosen
 from obseq.project.networks import control_of, network_of, survey_points
-from obseq.project.points import NO_SYSTEM, read_image_measures, read_system
+from obseq.project.points import read_image_measures, read_system
 from obseq.project.rigid_blocks import read_block
+from obseq.project.systems import differ, require_one
 from obseq.project.tie_points import read_tracks
 from obseq.project.topo import read_topo
 from obseq.reading.origin import Origin
@@ -70,6 +71,8 @@ def assembled(
     for part, measures, folder in parts:
         weighting = Weighting(part.sigma, part.attenuation, part.threshold, part.exponent)
         block.add_measures(_coded(measures, control), weighting, part.folder, origin=Origin(str(folder)))
+    if options.reference:
+        require_one(tree.orientation(orientation), tree.orientation(options.reference[0]))
     _add_rules(block, tree, options)
     if options.rigid is not None:
         _add_rigid(block, tree, options)
@@ -82,7 +85,7 @@ def assembled(
 def _require_one_system(tree: ProjectTree, orientation: str, definition: str) -> None:
     """Poses and points must say the same of their system, where both say something."""
     own = read_system(tree.orientation(orientation))
-    if NO_SYSTEM not in (own, definition) and own != definition:
+    if differ(own, definition):
         raise InputError(
             f"orientation {orientation} is in {own}, the 3D points are in {definition}: convert one of them "
             "(change-sysco converts points)"

@@ -255,6 +255,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
         unused: Observations of the files that take no part, though no file switches them off.
+        planned: Whether nothing is measured yet: there are no residuals, nor what is judged by them.
         failures: What should explain the result, and failed: nobody has looked; among the warnings too.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
@@ -303,6 +304,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
     failures: tuple[str, ...] = ()
+    planned: bool = False
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION

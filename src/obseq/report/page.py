@@ -64,7 +64,8 @@ def _facts(record: AdjustmentRecord) -> str:
 
 def _outcome(record: AdjustmentRecord) -> Facts:
     verdict = Verdict(record)
-    sigma0 = f"{significant(record.sigma0)}; {tested(record)}"
+    sigma0 = tested(record) if record.planned else f"{significant(record.sigma0)}; {tested(record)}"
+    accepted = "good" if verdict.is_accepted else "bad"
     return [
         ("result", how_it_ended(record), "good" if record.converged else "bad"),
         *(("gross errors", line.strip(), "bad") for line in gross_errors(record, MOST_WARNINGS)),
@@ -73,7 +74,7 @@ def _outcome(record: AdjustmentRecord) -> Facts:
         ("constraints", f"{record.n_constraints}", ""),
         ("unknowns", f"{record.n_unknowns}", ""),
         ("redundancy", f"{record.redundancy}", ""),
-        ("sigma0", sigma0, "good" if verdict.is_accepted else "bad"),
+        ("sigma0", sigma0, "" if record.planned else accepted),
         ("", verdict.explanation, ""),
         *(("", line, "bad" if suspects(record) else "") for line in single_tests(record)),
         *(("snooping", line, "") for line in snooping_lines(record)),

@@ -10,6 +10,7 @@ from obseq.records.adjustment import (
     RelativeRecord,
     SnoopingRecord,
 )
+from obseq.records.quality import ReliabilityRecord
 from obseq.report import units
 from obseq.report.rows import Table, brief_names
 
@@ -31,6 +32,9 @@ def single_tests(record: AdjustmentRecord) -> Iterator[str]:
     if found is None:
         yield "single observations are not tested without reliability: a gross error among them goes unsaid"
         return
+    if record.planned:
+        yield from _uncontrolled(found)
+        return
     known = sum(abs(row.standardised_residual or 0.0) > found.critical for row in record.constraints)
     count = len(suspects(record)) + known
     verdict = f"exceeded by {count} of {found.tests}" if count else f"exceeded by none of {found.tests}"
@@ -39,6 +43,11 @@ def single_tests(record: AdjustmentRecord) -> Iterator[str]:
     share, limit = f"{100.0 * found.level:g} %", f"{found.critical:.2f}"
     yield f"test of each standardised residual at {share}: limit {limit} (a priori sigmas), {verdict}"
     yield from _joint_tests(record)
+    yield from _uncontrolled(found)
+
+
+def _uncontrolled(found: ReliabilityRecord) -> Iterator[str]:
+    """How many equations nothing checks."""
     if found.uncontrolled:
         subject = "equation is" if found.uncontrolled == 1 else "equations are"
         yield f"{found.uncontrolled} {subject} controlled by no other: any blunder there goes unseen"

@@ -48,6 +48,8 @@ def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
 
 def how_it_ended(record: AdjustmentRecord) -> str:
     """Whether the iterations converged, and how many there were."""
+    if record.planned:
+        return "planned, not measured"
     count = len(record.iterations)
     plural = "" if count == 1 else "s"
     if record.converged:
@@ -95,6 +97,8 @@ def tested(record: AdjustmentRecord) -> str:
     """What the test of sigma0 compares with which limits, and what it finds."""
     verdict = Verdict(record)
     test = verdict.test
+    if record.planned:
+        return "to be tested when there are residuals"
     if test is None:
         return f"sigma0 is {verdict.headline}"
     own = units.significant(test.sigma0, 5)

@@ -143,6 +143,8 @@ class Verdict:
         return f"The residuals{whole} are what the sigmas of the observations announce."
 
     def _of_no_test(self) -> str:
+        if self.record.planned:
+            return "Nothing is measured yet: precisions and reliability are those to expect."
         if not self.record.converged:
             return "The iterations did not converge: residuals say nothing of the observations yet."
         if self.record.redundancy > 0:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.targets.legend import legend_boxes
-from obseq.targets.painting import Figure, bit_sums, paint
+from obseq.targets.painting import ROWS_APART, Figure, bit_sums, paint
 from obseq.targets.specification import REDUCTION
 
 if TYPE_CHECKING:
@@ -96,3 +96,38 @@ def bit_centres(spec: Specification) -> FloatRows:
     sums = np.zeros((spec.bits, 3))
     bit_sums(figure_of(spec), spec.bits, _grid(spec), raster.width, raster.height, sums)
     return sums[:, 1:] / sums[:, :1] / REDUCTION
+
+
+def bit_places(spec: Specification) -> FloatRows:
+    """(bits, 9, 2) places in the middle part of each bit, where it is read; units."""
+    begin, end, _, _ = spec.geometry.radii
+    parts = np.array([-0.2, 0.0, 0.2])
+    found = np.empty((spec.bits, 9, 2))
+    for bit in range(spec.bits):
+        if spec.geometry.in_rows:
+            left, low, right, high = row_box(spec, bit)
+            x = 0.5 * (left + right) + parts * (right - left)
+            y = 0.5 * (low + high) + parts * (high - low)
+            found[bit] = np.stack(np.meshgrid(x, y), axis=-1).reshape(9, 2)
+        else:
+            step = 2.0 * math.pi / spec.bits * (1.0 if spec.geometry.grows else -1.0)
+            turns = spec.geometry.angle + step * (bit + 0.5 + parts)
+            radii = 0.5 * (begin + end) + parts * (end - begin)
+            turn, radius = (values.ravel() for values in np.meshgrid(turns, radii))
+            found[bit] = np.column_stack((radius * np.cos(turn), radius * np.sin(turn)))
+    return found
+
+
+def row_box(spec: Specification, bit: int) -> tuple[float, float, float, float]:
+    """Left, upper, right and lower edge of a bit that stands in a row, units."""
+    geometry, half = spec.geometry, spec.bits // 2
+    radius, column, is_second = geometry.radii[3], bit % half, bit >= half
+    if is_second and not geometry.at_top and not geometry.is_lower_row_forwards:
+        column = half - 1 - column
+    left = -radius + column * 2.0 * radius / half
+    right = left + 2.0 * radius / half
+    _, _, top, bottom = geometry.sheet
+    if geometry.at_top:
+        middle = radius * (1.0 + ROWS_APART)
+        return (left, middle, right, bottom) if is_second else (left, radius, right, middle)
+    return (left, radius, right, bottom) if is_second else (left, top, right, -radius)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
+    from obseq.arrays import FloatRows
     from obseq.targets.specification import Specification
 
 CELL = (6, 8)
@@ -94,6 +97,13 @@ def legend_boxes(spec: Specification, name: str) -> list[tuple[int, int, int, in
                 u, v = x + (k * CELL[0] + i + 0.5) * dot, first[1] + (j + 0.5) * dot
                 boxes.append((int(u), int(v), int(u + dot), int(v + dot)))
     return boxes + [_turned(box, raster.middle) for box in boxes]
+
+
+def legend_places(spec: Specification, name: str) -> FloatRows:
+    """(k, 4) left, upper, right and lower edge of each dot, units."""
+    boxes = np.array(legend_boxes(spec, name), dtype=float).reshape(-1, 4)
+    found: FloatRows = (boxes - 0.5 - np.tile(spec.raster.middle, 2)) / spec.raster.scale
+    return found
 
 
 def _turned(box: tuple[int, int, int, int], middle: tuple[float, float]) -> tuple[int, int, int, int]:

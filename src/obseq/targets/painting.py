@@ -15,6 +15,11 @@ ROWS_APART = math.sqrt(2.0) / 4
 """Height at which the rows of a sheet with the figure at the top meet, below the figure, in half widths."""
 
 
+LATTICE, GENERATOR, TINY = 16, 5, 1e-6
+"""Places in a cell that an edge crosses, each with its mirror image about the middle of the cell. All columns
+and lines differ, none is on a diagonal: an edge along the axes, or at half a right angle, is not shifted."""
+
+
 class Figure(NamedTuple):
     """A geometry as loops take it; the fields of `Geometry`, in units."""
 
@@ -118,6 +123,28 @@ def paint(figure: Figure, bits: int, code: int, place: FloatArray, out: FloatRow
 
 
 @compiled
+def paint_places(
+    figure: Figure, bits: int, code: int, boxes: FloatRows, places: FloatRows, out: FloatArray
+) -> None:
+    """The ink of places of a sheet.
+
+    Args:
+        figure: the target.
+        bits: of its code.
+        code: its code.
+        boxes: (k, 4) left, upper, right and lower edges of further ink, units: the dots of the legend.
+        places: (n, 2) units.
+        out: (n,) written: 1 where ink is.
+    """
+    for n in range(len(places)):
+        x, y = places[n, 0], places[n, 1]
+        out[n] = ink_at(figure, bits, code, x, y)
+        for k in range(len(boxes)):
+            if boxes[k, 0] <= x < boxes[k, 2] and boxes[k, 1] <= y < boxes[k, 3]:
+                out[n] = 1.0
+
+
+@compiled
 def bit_sums(figure: Figure, bits: int, place: FloatArray, width: int, height: int, out: FloatRows) -> None:
     """Number of the places of each bit, and sums of their columns and lines.
 
@@ -152,7 +179,7 @@ def bit_sums(figure: Figure, bits: int, place: FloatArray, width: int, height: i
 
 
 @compiled
-def smooth_table(figure: Figure, bits: int, code: int, place: FloatArray, finer: int, out: FloatRows) -> None:
+def smooth_table(figure: Figure, bits: int, code: int, place: FloatArray, out: FloatRows) -> None:
     """The share of ink in each cell of a grid: cells that no edge crosses are looked at once.
 
     Args:
@@ -160,7 +187,6 @@ def smooth_table(figure: Figure, bits: int, code: int, place: FloatArray, finer:
         bits: of its code.
         code: its code.
         place: (3,) column and line of the centre of the figure, and cells in a unit.
-        finer: so many places across a cell that an edge may cross.
         out: (height, width) written.
     """
     paint(figure, bits, code, place, out)
@@ -173,14 +199,15 @@ def smooth_table(figure: Figure, bits: int, code: int, place: FloatArray, finer:
                 for di in range(-1, 2):
                     if (out[j + dj, i + di] % marks >= 1.0) != here:
                         out[j, i] = marks + (1.0 if here else 0.0)
-    first, step = -0.5 * (finer - 1) / finer, 1.0 / finer
     for j in range(height):
         for i in range(width):
             if out[j, i] >= marks:
                 total = 0.0
-                for k in range(finer):
-                    y = (j + first + k * step - place[1]) / place[2]
-                    for n in range(finer):
-                        x = (i + first + n * step - place[0]) / place[2]
+                for k in range(LATTICE):
+                    u = (k + 0.75) / LATTICE - 0.5 + TINY
+                    v = ((k * GENERATOR) % LATTICE + 0.25) / LATTICE - 0.5 + TINY
+                    for side in range(2):
+                        w = 1.0 - 2.0 * side
+                        x, y = (i + w * u - place[0]) / place[2], (j + w * v - place[1]) / place[2]
                         total += ink_at(figure, bits, code, x, y)
-                out[j, i] = total / (finer * finer)
+                out[j, i] = total / (2 * LATTICE)

@@ -11,9 +11,8 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable_line
-from obseq.targets.drawings import figure_of, inked_bits
-from obseq.targets.legend import legend_boxes
-from obseq.targets.specification import SHEETS
+from obseq.targets.drawings import figure_of, inked_bits, row_box
+from obseq.targets.legend import legend_places
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -102,25 +101,12 @@ def _ring_bit(spec: Specification, bit: int) -> FloatRows:
 
 
 def _row_bit(spec: Specification, bit: int) -> FloatRows:
-    geometry, half = spec.geometry, spec.bits // 2
-    radius, column, is_second = geometry.radii[3], bit % half, bit >= half
-    if is_second and not geometry.at_top and not geometry.is_lower_row_forwards:
-        column = half - 1 - column
-    left = -radius + column * 2.0 * radius / half
-    right = left + 2.0 * radius / half
-    _, _, top, bottom = geometry.sheet
-    if geometry.at_top:
-        middle = radius * (1.0 + SHEETS / 4.0)
-        low, high = (middle, bottom) if is_second else (radius, middle)
-    else:
-        low, high = (radius, bottom) if is_second else (top, -radius)
+    left, low, right, high = row_box(spec, bit)
     return np.array([[left, low], [right, low], [right, high], [left, high]])
 
 
 def _legend(spec: Specification, name: str) -> list[FloatRows]:
-    raster = spec.raster
-    boxes = np.array(legend_boxes(spec, name), dtype=float)
-    places = (boxes - 0.5 - np.tile(raster.middle, 2)) / raster.scale
+    places = legend_places(spec, name)
     return [
         np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
         for left, top, right, bottom in places

@@ -178,16 +178,16 @@ class Specification:
         return Raster(width, height, middle, width / (2.0 * self.geometry.radii[3]))
 
     @cached_property
-    def turns(self) -> dict[int, tuple[str, int]]:
-        """Name of each code that a target can show, and by how many bits it is turned.
+    def turns(self) -> dict[int, list[tuple[str, int]]]:
+        """Of each code that a target can show: its name, and by how many bits it is turned.
 
-        A code that is its own rotation has two; the first counts.
+        A code that is its own rotation has several.
         """
         period = self.bits // self.frequency
-        found: dict[int, tuple[str, int]] = {}
+        found: dict[int, list[tuple[str, int]]] = {}
         for name, code in self.codes.items():
             for k in range(self.frequency):
-                found.setdefault(rotated(code, self.bits, period * k), (name, period * k))
+                found.setdefault(rotated(code, self.bits, period * k), []).append((name, period * k))
         return found
 
     @cached_property
@@ -209,6 +209,12 @@ class Specification:
         """(2, 2) directions of the central figure's first two corners, as columns."""
         c, s = math.cos(self.geometry.angle), math.sin(self.geometry.angle)
         return np.array([[c, -s], [s, c]])
+
+
+def extent(spec: Specification) -> float:
+    """What is called the size of a target, in units: across its code; the height of sheets with rows."""
+    _, _, top, bottom = spec.geometry.sheet
+    return bottom - top if spec.geometry.in_rows else 2.0 * spec.geometry.radii[1]
 
 
 def _even(pixels: float) -> int:

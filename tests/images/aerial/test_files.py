@@ -49,9 +49,9 @@ def test_shots_are_read(case):
 
 
 def test_the_large_block_is_read(shared_data):
+    folder = shared_data / "borea"
     (case,) = [c for c in cases("reader") if c["id"] == "read-dataset2"]
     inputs, expected = case["inputs"], case["expected"]
-    folder = shared_data / "borea"
     shots, _ = read_shots(folder / inputs["opk"], interval=(2, None))
     tie = read_image_points(folder / inputs["co_point"])
     control = read_image_points(folder / inputs["gcp2d"])

@@ -19,6 +19,7 @@ from obseq.images.aerial import (
 
 
 def test_the_data_are_there(shared_data):
+    assert (shared_data / "borea").is_dir()
     assert len(cases("geodesy")) > 5
 
 

@@ -74,7 +74,8 @@ def test_image_to_world(case):
     )
 
 
-def test_what_is_seen_on_the_ground_projects_back_to_its_pixel():
+def test_what_is_seen_on_the_ground_projects_back_to_its_pixel(shared_data):
+    assert (shared_data / "borea").is_dir()
     site = worksite()
     pixels = np.random.default_rng(1).uniform([0, 0], [26460, 17004], (200, 2))
     rows = np.arange(200) % len(site.shots)
@@ -207,8 +208,8 @@ def test_all_rays(case):
 
 def test_the_world_points_of_the_large_block(shared_data):
     """Every point of the file that Borea wrote, from the most distant pair of its shots."""
-    site = worksite("23FD1305_alt_2.OPK")
     measured = read_image_points(shared_data / "borea" / "all_liaisons2.mes")
+    site = worksite("23FD1305_alt_2.OPK")
     names = {name: index for index, name in enumerate(dict.fromkeys(measured.names))}
     point = np.array([names[name] for name in measured.names])
     shots = site.rows(measured.shots)

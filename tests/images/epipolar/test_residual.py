@@ -37,6 +37,7 @@ def pair(case):
 
 
 def test_the_data_are_there(shared_data):
+    assert (shared_data / "epipolar").is_dir()
     assert len(cases()) == 8
 
 

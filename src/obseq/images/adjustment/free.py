@@ -122,12 +122,12 @@ def datum_blocks(equations: Equations, datum: str | Sequence[str]) -> IntArray:
 def _move_back(
     equations: Equations, chosen: IntArray, wanted: FloatArray, datum: str | Sequence[str]
 ) -> None:
-    """Moves a block that nothing but lengths ties to the world by the similarity onto its datum."""
+    """Moves a block that nothing but lengths, or a vertical, ties to the world onto its datum."""
     if not _floats(equations):
         return
-    system = equations.system
+    system, axis = equations.system, _axis(equations)
     try:
-        scale, motion = similarity(system.values(chosen), wanted, not _has_scale(equations))
+        scale, motion = similarity(system.values(chosen), wanted, not _has_scale(equations), axis)
     except InputError as error:
         raise InputError(_too_little(datum, str(error))) from None
     for ids in (equations.centres, equations.points):
@@ -143,7 +143,9 @@ def _movements(equations: Equations, places: FloatArray) -> FloatArray:
     """
     arms = places - places.mean(axis=0)
     shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
-    turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
+    axis = _axis(equations)
+    axes = np.eye(3) if axis is None else axis[None]
+    turns = np.cross(axes, arms[:, None]).swapaxes(1, 2)
     sizes = np.zeros((len(arms), 3, 0)) if _has_scale(equations) else arms[:, :, None]
     alone = np.linalg.qr(np.concatenate([shifts, turns, sizes], axis=2).reshape(3 * len(arms), -1))[0]
     mixed = alone - 2.0 * alone.mean(axis=1, keepdims=True)  # reflected: still of length 1, at right angles
@@ -168,17 +170,29 @@ def _turn(equations: Equations, motion: RigidMotion) -> None:
 
 
 def _floats(equations: Equations) -> bool:
-    """Whether a rigid motion of images and points changes no residual, and moves nothing that is held."""
+    """Whether a motion of images and points changes no residual, and moves nothing that is held.
+
+    A rigid one; one that keeps the vertical where clinometers refer to it (`_axis`).
+    """
     block = equations.block
     tied: list[Sized] = [
         block.surveys,
         block.pose_observations,
-        block.instruments.inclinations,
+        block.instruments.inclinations if block.instruments.vertical_is_free else (),
         block.fixed_centres,
         block.fixed_rotations,
         np.flatnonzero(~equations.start.is_free.all(axis=1)),
     ]
     return not any(len(part) for part in tied)
+
+
+def _axis(equations: Equations) -> FloatArray | None:
+    """(3,) the vertical about which alone a block may turn; None where nothing refers to it."""
+    instruments = equations.block.instruments
+    if not instruments.inclinations:
+        return None
+    vertical = np.array(instruments.vertical)
+    return np.asarray(vertical / np.linalg.norm(vertical))
 
 
 def _has_scale(equations: Equations) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.geometry import RigidMotion, closest_rotation
+from obseq.geometry import RigidMotion, closest_rotation, exponential
 from obseq.images.control import ControlPoints
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.relative import RelativeOrientation, relative_orientation
@@ -185,13 +185,16 @@ class Growth:
             )
 
 
-def similarity(source: FloatArray, target: FloatArray, with_scale: bool = True) -> tuple[float, RigidMotion]:
+def similarity(
+    source: FloatArray, target: FloatArray, with_scale: bool = True, axis: FloatArray | None = None
+) -> tuple[float, RigidMotion]:
     """Scale and motion that take points (n, 3) closest to their homologues (n, 3) (Umeyama, 1991).
 
     Args:
         source: the points.
         target: where they are to go.
         with_scale: False for a motion alone, of scale 1.
+        axis: (3,) direction about which alone they may turn; None for any.
 
     Raises:
         InputError: there are fewer than three points, or they are on a line.
@@ -202,9 +205,15 @@ def similarity(source: FloatArray, target: FloatArray, with_scale: bool = True) 
     spread = np.linalg.svd(b, compute_uv=False)
     if spread[1] <= 1e-6 * spread[0]:
         raise InputError(f"the {len(source)} known points are on a line: the rotation is undetermined")
-    rotation = closest_rotation(b.T @ a)
+    rotation = closest_rotation(b.T @ a) if axis is None else _about(axis, a, b)
     scale = float(np.sum((a @ rotation.T) * b) / np.sum(a * a)) if with_scale else 1.0
     return scale, RigidMotion(target.mean(axis=0) - scale * rotation @ source.mean(axis=0), rotation)
+
+
+def _about(axis: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """(3, 3) turn about an axis that takes centred points (n, 3) closest to others (n, 3)."""
+    along = float(np.sum(a * b) - (a @ axis) @ (b @ axis))
+    return np.asarray(exponential(np.arctan2(float(np.cross(a, b).sum(axis=0) @ axis), along) * axis))
 
 
 def place_images(

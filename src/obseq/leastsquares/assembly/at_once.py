@@ -54,8 +54,8 @@ def batch_members(batch: Batch) -> BatchMembers:
         batch.observation_rows,
         batch.weights if batch.clusters is None else np.zeros_like(batch.weights),
         batch.roots,
-        batch.turns,
-        batch.turn_starts,
+        batch.carried,
+        batch.carriers,
     )
     batch.kept = _Kept(batch.weights, batch.roots, members)
     return members

@@ -15,7 +15,7 @@ from obseq.leastsquares.assembly.at_once import (
 )
 from obseq.leastsquares.assembly.threads import in_threads, share_bounds, share_count
 from obseq.leastsquares.loops.loop_arguments import BatchArrays, Span
-from obseq.leastsquares.problem.batches import padded_length
+from obseq.leastsquares.problem.padding import padded_length
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -84,8 +84,8 @@ def batch_arrays(plan: IntArray, batch: BatchMembers) -> BatchArrays:
         batch.observation_rows,
         batch.weights,
         batch.roots,
-        batch.turns,
-        batch.turn_starts,
+        batch.carried,
+        batch.carriers,
     )
 
 

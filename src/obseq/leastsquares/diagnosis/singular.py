@@ -12,7 +12,7 @@ from obseq.leastsquares.diagnosis.null_space import TAKES_PART, free_movements
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import IntArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver, SymmetricPattern
@@ -35,22 +35,40 @@ def singular_error(
     table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, solver: Solver
 ) -> SingularSystemError:
     """The error for a normal matrix with vanishing pivots, which names what they leave undetermined."""
-    scalars, defect = free.scalars, solver.defect()
-    pivots = table.component_names(scalars[defect.indices])
-    moving = _participants(solver)
-    involved = table.component_names(scalars[moving])
-    message = f"the observations leave {len(pivots)} unknown(s) undetermined: {_listed(pivots)}"
-    if len(involved) > len(pivots):
+    return undetermined_error(table, free, pattern, solver.null_vectors(), solver.defect().indices)
+
+
+def undetermined_error(
+    table: UnknownTable,
+    free: FreeUnknowns,
+    pattern: SymmetricPattern,
+    kernel: FloatArray,
+    pivots: IntArray | None = None,
+) -> SingularSystemError:
+    """The error for what the equations do not determine.
+
+    Args:
+        table: The unknowns.
+        free: Those that are free.
+        pattern: The pattern of their normal matrix.
+        kernel: (n_free, k) what they may do.
+        pivots: (k,) numbers of free unknowns that would hold it; those that move when None.
+    """
+    moving = _participants(kernel)
+    held = moving if pivots is None else pivots
+    involved, named = (table.component_names(free.scalars[numbers]) for numbers in (moving, held))
+    defect = kernel.shape[1] if pivots is None else len(pivots)
+    message = f"the observations leave {len(named)} unknown(s) undetermined: {_listed(named)}"
+    if len(involved) > len(named):
         message += f" (undetermined together with {len(involved)} in all: {_listed(involved)})"
-    kernel = solver.null_vectors()
     meaning = free_movements(table, free, pattern, kernel)
     if meaning:
         message += f". Nothing fixes {'; nor '.join(meaning)}"
     message = f"{message}: {REMEDY}"
     if not involved:
-        return SingularSystemError(message, pivots, len(pivots))
+        return SingularSystemError(message, named, defect)
     movements = {table.names[point]: text for text, points in meaning.items() for point in points.tolist()}
-    return SingularSystemError(message, involved, len(pivots), kernel[moving], movements)
+    return SingularSystemError(message, involved, defect, kernel[moving], movements)
 
 
 def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:
@@ -69,9 +87,9 @@ def grouped(unknowns: Sequence[str]) -> str:
     return _listed(tuple(f"{owner} ({', '.join(parts)})" for owner, parts in found.items()))
 
 
-def _participants(solver: Solver) -> IntArray:
+def _participants(kernel: FloatArray) -> IntArray:
     """Unknowns that move without changing any residual to first order."""
-    vectors = np.abs(solver.null_vectors())
+    vectors = np.abs(kernel)
     if not vectors.size:
         return np.zeros(0, dtype=np.int64)
     moves: IntArray = np.flatnonzero(vectors.max(axis=1) > TAKES_PART * vectors.max())

@@ -95,22 +95,26 @@ def linear_rows(tile: FloatArray, n_unknowns: int) -> None:
 
 
 @compiled
-def turn_with_centres(tile: FloatArray, batch: BatchArrays, context: FloatArray, first: int) -> None:
-    """Adds what a movement of a centre does through the rotation that turns with it: J_C += J_w T."""
+def add_carried(tile: FloatArray, batch: BatchArrays, first: int) -> None:
+    """Adds what a movement does through what moves with it: J_a += J_b M, or J_a += m."""
     derivative = batch.first_row + batch.n_residuals
-    for pair in range(len(batch.turns)):
+    for k in range(len(batch.carried)):
+        moving, moved, rows = batch.carried[k, 0], batch.carried[k, 1], U(batch.carried[k, 2])
         for r in range(batch.n_residuals):
             row = derivative + r * batch.n_unknowns
-            centre = U(row + batch.turns[pair, 0]) * ROW
-            small = U(row + batch.turns[pair, 1]) * ROW
+            target = U(row + moving) * ROW
+            source = U(row + max(moved, 0)) * ROW
             for lane in range(LANES):
-                k = U(lane)
-                at = U(batch.turn_starts[U(pair), U(first) + k])
-                x, y, z = tile[small + k], tile[small + ROW + k], tile[small + TWO * ROW + k]
+                at, place = U(lane), U(first) + U(lane)
+                x, y, z = tile[source + at], tile[source + ROW + at], tile[source + TWO * ROW + at]
                 for axis in range(3):
-                    turn = at + U(axis)
-                    added = x * context[turn] + y * context[turn + THREE] + z * context[turn + SIX]
-                    tile[centre + U(axis) * ROW + k] += added
+                    how = rows + U(axis)
+                    added = batch.carriers[how, place]
+                    if moved >= 0:
+                        added *= x
+                        added += y * batch.carriers[how + THREE, place]
+                        added += z * batch.carriers[how + SIX, place]
+                    tile[target + U(axis) * ROW + at] += added
 
 
 @compiled(flags=SUMS)
@@ -349,7 +353,7 @@ def assemble(
             call_kernel(kernel, tile, 1)
         else:
             linear_rows(tile, batch.n_unknowns)
-        turn_with_centres(tile, batch, present.context, first)
+        add_carried(tile, batch, first)
         squares = scale_rows(tile, batch.first_row, m, batch.n_unknowns, batch.weights, first, scaled)
         if len(batch.roots) > 0:
             squares = whiten_rows(scaled, batch.roots, m, rows, first)
@@ -377,7 +381,7 @@ def evaluate(
         else:
             linear_rows(tile, batch.n_unknowns)
         if rows > batch.n_residuals:
-            turn_with_centres(tile, batch, present.context, first)
+            add_carried(tile, batch, first)
         for row in range(rows):
             source = (batch.first_row + row) * STRIDE
             for lane in range(LANES):

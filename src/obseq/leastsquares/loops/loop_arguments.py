@@ -30,8 +30,9 @@ class BatchArrays(NamedTuple):
         observation_rows: (n_rows,) rows of a tile that hold it.
         weights: (n_residuals, n) what residuals are multiplied by; 0 for those without influence.
         roots: (m (m + 1) / 2, n) roots of the inverse covariances of correlated residuals; empty without.
-        turns: (k, 2) first derivative by a centre and by the rotation that turns with it.
-        turn_starts: (k, n) where the turns are in the context.
+        carried: (k, 3) first derivative of what moves something, first derivative by that, or -1 where it is
+            the residual itself, and first of the rows that say how.
+        carriers: (n_rows, n) these rows: (3, 3) matrices row by row, or three numbers.
     """
 
     n_unknowns: int
@@ -44,8 +45,8 @@ class BatchArrays(NamedTuple):
     observation_rows: IntArray
     weights: FloatRows
     roots: FloatRows
-    turns: IntRows
-    turn_starts: PositionRows
+    carried: IntRows
+    carriers: FloatRows
 
 
 class BatchMembers(NamedTuple):
@@ -58,8 +59,8 @@ class BatchMembers(NamedTuple):
     observation_rows: IntArray
     weights: FloatRows
     roots: FloatRows
-    turns: IntRows
-    turn_starts: PositionRows
+    carried: IntRows
+    carriers: FloatRows
 
 
 class Span(NamedTuple):

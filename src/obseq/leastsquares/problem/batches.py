@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.kernels.layout import LANES
 from obseq.leastsquares.problem.arguments import real, text, texts, truths
+from obseq.leastsquares.problem.carried import carried_of
 from obseq.leastsquares.problem.clusters import Clusters
 from obseq.leastsquares.problem.given import (
     block_columns,
@@ -20,7 +20,7 @@ from obseq.leastsquares.problem.given import (
 )
 from obseq.leastsquares.problem.losses import named_loss
 from obseq.leastsquares.problem.measured import Measured
-from obseq.leastsquares.problem.shapes import turns_of
+from obseq.leastsquares.problem.padding import fill_padded, padded, padded_length
 from obseq.leastsquares.problem.weights import Weighing, root_weights
 
 if TYPE_CHECKING:
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from scipy.sparse import csr_array
 
-    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.leastsquares.problem.carried import Move
     from obseq.leastsquares.problem.clusters import Covariance
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.shapes import Shape
@@ -37,25 +38,6 @@ if TYPE_CHECKING:
 
     Labels = Sequence[str] | Callable[[int], str] | None
     """What to call observations: a name for each, a function of their row, or nothing."""
-
-
-def padded_length(n: int) -> int:
-    """`n` rounded up to whole tiles."""
-    return -(-n // LANES) * LANES
-
-
-def _padded(rows: Array, dtype: type) -> Array:
-    """(k, n) rows repeated at their end to whole tiles, so that spare lanes compute what a real one does."""
-    result: Array = np.empty((len(rows), padded_length(rows.shape[1])), dtype=dtype)
-    _fill_padded(result, rows)
-    return result
-
-
-def _fill_padded(result: Array, rows: Array) -> None:
-    n = rows.shape[1]
-    result[:, :n] = rows
-    if n:
-        result[:, n:] = rows[:, n - 1 : n]
 
 
 class Batch:
@@ -71,6 +53,7 @@ class Batch:
         is_constraint: whether its rows count as constraints, as priors do.
         weights: (n_residuals, padded n) inverse sigmas times the roots of robust weights; 0 where inactive.
         clusters: covariances across observations; None without.
+        carried: (k, 3) what moves with what, and `carriers`: (rows, padded n) how; see `carry`.
         roots: (m (m + 1) / 2, padded n) upper triangles that whiten correlated residuals; empty without.
         kept: what the loops are given of it, made and looked after by assembly.
     """
@@ -84,6 +67,8 @@ class Batch:
         "_table",
         "_weighed",
         "blocks",
+        "carried",
+        "carriers",
         "clusters",
         "contexts",
         "is_constraint",
@@ -95,8 +80,6 @@ class Batch:
         "roots",
         "shape",
         "starts",
-        "turn_starts",
-        "turns",
         "weights",
     )
 
@@ -167,7 +150,7 @@ class Batch:
         if np.count_nonzero(is_finite) < is_finite.size:
             wrong = int(is_finite.all(axis=1).argmin())
             raise InputError(f"{self.label(wrong)}: the observation is not finite: {array[wrong]}")
-        _fill_padded(self.observation_tiles, array.T)
+        fill_padded(self.observation_tiles, array.T)
 
     @property
     def sigmas(self) -> FloatArray:
@@ -255,6 +238,19 @@ class Batch:
         roots = np.sqrt(self._loss.weights(np.where(np.isfinite(norm), norm, 0.0)))
         self.weights[:, : self.n] = root_weights(self._sigmas, self._active, roots[:, None]).T
 
+    def carry(self, moves: Sequence[Move]) -> None:
+        """Completes the derivatives by blocks of three that move more than themselves.
+
+        What an equation takes as given (a plumb line, a refraction) may follow from where its points are. A
+        plumb line that turns moves, in its own axes, what is seen from there: derivatives by the second block
+        then are derivatives by the first, too. Called again when the numbers have changed, not the blocks.
+
+        Args:
+            moves: the influences.
+        """
+        self.carried, self.carriers = carried_of(self.shape, moves, self.n)
+        self.kept = None
+
     def correlate(self, covariances: ArrayLike) -> None:
         """Gives the residuals of each observation a full covariance, (m, m) or (n, m, m), in their units.
 
@@ -283,7 +279,7 @@ class Batch:
             )
         roots = np.linalg.cholesky(np.linalg.inv(given)).transpose(0, 2, 1)
         rows, columns = np.triu_indices(m)
-        self.roots = _padded(roots[:, rows, columns].T, np.float64)
+        self.roots = padded(roots[:, rows, columns].T, np.float64)
         self.sigmas = np.ones((self.n, m))
 
     def correlate_all(self, covariance: Covariance) -> None:
@@ -397,8 +393,7 @@ class Batch:
         if shape.transposed.any():
             contexts += shape.transposed * table.each(attrgetter("transposed_at"), self.blocks)
         self.roles = shape.role_rows
-        self.starts = _padded(table.start[self.blocks], np.uint32)
-        self.turns, places = turns_of(shape, table, self.blocks)
-        self.turn_starts = _padded(places, np.uint32)
-        self.contexts = _padded(contexts, np.uint32)
+        self.starts = padded(table.start[self.blocks], np.uint32)
+        self.carried, self.carriers = carried_of(shape, (), self.n)
+        self.contexts = padded(contexts, np.uint32)
         self.observation_rows = shape.observation_places

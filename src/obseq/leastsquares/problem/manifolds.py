@@ -54,9 +54,6 @@ class Manifold:
     transposed_at: ClassVar[int] = 0
     """Where in the context formulas find it transposed, if they want it so."""
 
-    turn_at: ClassVar[int] = 0
-    """Where in the context of a rotation its turn with its centre is, nine numbers; 0 where it has none."""
-
     def shape(self, size: int) -> tuple[int, ...]:
         """Shape of the value of a block of `size` unknowns."""
         return (size,)
@@ -161,29 +158,23 @@ class Rotations(Curved):
 
     def moved(self, context: FloatArray, step: FloatArray) -> FloatArray:
         """Contexts of R0 exp(-[w]x), kept orthonormal over many steps."""
-        return self.context(orthonormalised(absorb(self.values(context), step)))
+        return Rotations.context(self, orthonormalised(absorb(Rotations.values(self, context), step)))
 
     def coordinates(self, values: FloatArray) -> FloatArray:
         """Rotation vectors."""
         return logarithm(values)
 
 
-class TurningRotations(Rotations):
-    """Rotations that turn when their centre moves, as an instrument's does that stays plumb on the Earth.
+class PlumbRotations(Rotations):
+    """Rotations that know to which plumb line they refer, as that of an instrument which stays plumb.
 
-    A value is (3, 6): the matrix, and beside it what the local frame turns by, about the axes of the world,
-    for each unit of movement of the centre along these (radians). In a formula with blocks `NAME.centre` and
-    `NAME.rotation` the turn is part of the derivatives by the centre. Whoever moves the centre turns the
-    matrix: a step of the unknowns does not.
+    A value is (3, 6): the matrix, and beside it the rotation from the world to axes along the plumb line.
     """
 
     context_size = 27
-    """The matrix, its transpose, and the turn as the small rotations of the local frame, row by row."""
-
-    turn_at = 18
 
     def shape(self, size: int) -> tuple[int, ...]:
-        """A matrix and a turn."""
+        """Two matrices."""
         return (3, 6)
 
     def checked(self, values: FloatArray, names: Sequence[str], what: str) -> FloatArray:
@@ -191,21 +182,16 @@ class TurningRotations(Rotations):
         return np.concatenate([super().checked(values[:, :, :3], names, what), values[:, :, 3:]], axis=2)
 
     def context(self, values: FloatArray) -> FloatArray:
-        """(n, 27): the world turned by t is R0 turned by the small rotation -R0^T t."""
-        matrices = values[:, :, :3]
-        small = -np.swapaxes(matrices, 1, 2) @ values[:, :, 3:]
-        return np.hstack([super().context(matrices), small.reshape(-1, 9)])
+        """(n, 27): the matrix, its transpose, and the plumb line, row by row."""
+        return np.hstack([super().context(values[:, :, :3]), values[:, :, 3:].reshape(-1, 9)])
 
     def values(self, context: FloatArray) -> FloatArray:
-        """(n, 3, 6) matrices and turns."""
-        matrices = super().values(context)
-        return np.concatenate([matrices, -matrices @ context[:, 18:].reshape(-1, 3, 3)], axis=2)
+        """(n, 3, 6) both matrices."""
+        return np.concatenate([super().values(context), context[:, 18:].reshape(-1, 3, 3)], axis=2)
 
     def moved(self, context: FloatArray, step: FloatArray) -> FloatArray:
-        """Contexts of R0 exp(-[w]x); the turn in the world stays."""
-        values = self.values(context)
-        values[:, :, :3] = orthonormalised(absorb(values[:, :, :3], step))
-        return self.context(values)
+        """Contexts of R0 exp(-[w]x)."""
+        return np.hstack([super().moved(context[:, :18], step), context[:, 18:]])
 
     def coordinates(self, values: FloatArray) -> FloatArray:
         """Rotation vectors."""
@@ -265,7 +251,7 @@ class CurvedBlocks:
 POINT3 = Manifold("Point3", ("x", "y", "z"), is_point=True)
 POINT2 = Manifold("Point2", ("x", "y"), is_point=True)
 ROTATION = Rotations("Rotation", ("rotation.x", "rotation.y", "rotation.z"))
-TURNING = TurningRotations("TurningRotation", ROTATION.components, stands_for=(ROTATION.label,))
+PLUMB = PlumbRotations("PlumbRotation", ROTATION.components, stands_for=(ROTATION.label,))
 DIRECTION = Directions("Direction", ("direction.u", "direction.v"))
 VECTOR = Manifold("Vector", stands_for=("Scalar",))
 SCALAR = Manifold("Scalar", ("",), stands_for=("Vector",))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -109,13 +108,6 @@ class Shape:
         return np.array([role.transposed for role in self.roles])[:, None]
 
     @cached_property
-    def with_centre(self) -> tuple[tuple[int, int], ...]:
-        """The blocks beside which the formula has their centre: their number, and the row of the centre."""
-        rows = {role.name: role.row for role in self.roles}
-        centres = [rows.get(role.name.removesuffix("rotation") + "centre") for role in self.roles]
-        return tuple((number, row) for number, row in enumerate(centres) if row is not None)
-
-    @cached_property
     def observation_places(self) -> IntArray:
         """(m,) `observation_rows`, for the loops."""
         return np.array(self.observation_rows, dtype=np.int64)
@@ -209,34 +201,3 @@ def linear_shape(table: UnknownTable, columns: Sequence[IntArray], is_tangent: b
         roles.append(Role(str(number), manifold.label, row, size))
         row += size
     return Shape("linear", tuple(roles), (), tuple(range(row, 2 * row + 1)), row, 1, 2 * row + 1, None)
-
-
-def turns_of(shape: Shape, table: UnknownTable, blocks: IntArray) -> tuple[IntArray, IntArray]:
-    """Which rotations turn with their centre in the equations of a batch.
-
-    Args:
-        shape: the formula.
-        table: the unknowns.
-        blocks: (n_roles, n) the blocks of each equation.
-
-    Returns:
-        (k, 2) first unknown of the centre and of the rotation; (k, n) where the turns are in the context.
-    """
-    pairs, places = [], []
-    for number, centre in shape.with_centre:
-        ids = blocks[number]
-        shift = table.each(attrgetter("turn_at"), ids)
-        if shift.any():
-            pairs.append((centre, shape.roles[number].row))
-            places.append(_all_turning(table, ids, shift) + table.context_start[ids])
-    return np.array(pairs, np.int64).reshape(-1, 2), np.array(places, np.int64).reshape(-1, blocks.shape[1])
-
-
-def _all_turning(table: UnknownTable, ids: IntArray, shift: IntArray) -> IntArray:
-    still = ids[shift == 0]
-    if still.size:
-        raise InputError(
-            f"{table.names[still[0]]!r} does not turn with its centre, and others of the same batch do: "
-            "give them in two batches"
-        )
-    return shift

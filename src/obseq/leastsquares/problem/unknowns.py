@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -61,7 +62,11 @@ class UnknownTable:
         self._frozen = GrowingArray(np.bool_)
         self._eliminated = GrowingArray(np.bool_)
         self._curved: tuple[int, list[CurvedBlocks]] = (0, [])
+        self._followers: list[WeakMethod[Callable[[], None]]] = []
         self._perspectives: list[Perspective] = []
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_followers": []}  # they belong to whoever moves this one
 
     def __len__(self) -> int:
         return len(self.names)
@@ -373,6 +378,18 @@ class UnknownTable:
         """Comes back to a state; blocks added since keep their values."""
         self.values[: len(state.values)] = state.values
         self._context.view[: len(state.context)] = state.context
+        self._lead()
+
+    def followed_by(self, renew: Callable[[], None]) -> None:
+        """Has a method called wherever the values have moved or come back, as long as its object lives."""
+        self._followers.append(WeakMethod(renew))
+
+    def _lead(self) -> None:
+        """Renews what follows from the values."""
+        for follower in self._followers:
+            renew = follower()
+            if renew is not None:
+                renew()
 
     def move(self, step: FloatArray) -> None:
         """Moves all unknowns by a step (n_scalars,); rotations and directions absorb theirs and are reset."""
@@ -382,6 +399,7 @@ class UnknownTable:
         for blocks in self.curved:
             self._absorb(blocks, values)
         self.values[:] = values
+        self._lead()
 
     def _absorb(self, blocks: CurvedBlocks, values: FloatArray) -> None:
         small, places = values[blocks.scalars], blocks.places

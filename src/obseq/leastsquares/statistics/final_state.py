@@ -14,8 +14,8 @@ from obseq.leastsquares.assembly.at_once import batch_members
 from obseq.leastsquares.assembly.clusters import are_few, whitened_rows
 from obseq.leastsquares.assembly.evaluation import evaluate_members, whitened_residual_rows
 from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, SparseInverse
-from obseq.leastsquares.problem.batches import padded_length
 from obseq.leastsquares.problem.growing import PADDING
+from obseq.leastsquares.problem.padding import padded_length
 from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:
@@ -232,8 +232,8 @@ class FinalState:
         members = batch_members(batch)._replace(
             starts=np.ascontiguousarray(batch.starts[:, padded]),
             contexts=np.ascontiguousarray(batch.contexts[:, padded]),
-            turn_starts=np.ascontiguousarray(batch.turn_starts[:, padded]),
             observations=np.ascontiguousarray(batch.observation_tiles[:, padded]),
+            carriers=np.ascontiguousarray(batch.carriers[:, padded]),
         )
         evaluate_members(members, shape, shape.kernel(), count, tile, present, results)
         return results[:, :count]

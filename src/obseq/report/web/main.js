@@ -107,7 +107,7 @@ class Page {
     const type = columnOf(this.observations, "type");
     const draw = (kind) => {
       const values = (column?.values ?? []).filter((value, row) => value !== null && (kind < 0 || type.values[row] === kind));
-      place.replaceChildren(...(values.length ? [histogram(values, column.title + " residual"), normalPlot(values, column.title + " residual")] : []), convergence(iterations));
+      place.replaceChildren(...(values.length ? [histogram(values, column.title + " residual"), normalPlot(values, column.title + " residual")] : []), ...(iterations.length ? [convergence(iterations)] : []));
     };
     const choice = make("select", { "aria-label": "residuals of which type" }, ["all types", ...(type?.choices ?? [])].map((text, k) => make("option", { value: k - 1 }, [text])));
     choice.addEventListener("change", () => draw(Number(choice.value)));

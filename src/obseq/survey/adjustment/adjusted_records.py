@@ -22,7 +22,7 @@ from obseq.records.adjustment import (
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.crs import CoordinateSystem
@@ -59,12 +59,17 @@ def unused_azimuths(book: FieldBook, g0: FloatArray) -> dict[int, float]:
     return dict(zip(np.flatnonzero(wanted).tolist(), azimuths[wanted].tolist(), strict=True))
 
 
-def moves(points: Points, coordinates: FloatArray) -> list[tuple[float, ...] | None]:
-    """How far each point came from the coordinates that were given (m); None where none were."""
-    shifts = (coordinates - points.coordinates).tolist()
+def moves(
+    points: Points, coordinates: FloatArray, placeholders: Collection[str]
+) -> list[tuple[float, ...] | None]:
+    """How far each point came from the coordinates that were given (m).
+
+    None where none were, or placeholders (names of points): what the observations contradict, 0 0 0 say.
+    """
+    shifts, given = (coordinates - points.coordinates).tolist(), points.has_coordinates.tolist()
     return [
-        tuple(shift) if given else None
-        for shift, given in zip(shifts, points.has_coordinates.tolist(), strict=True)
+        tuple(shift) if is_given and name not in placeholders else None
+        for name, shift, is_given in zip(points.names, shifts, given, strict=True)
     ]
 
 

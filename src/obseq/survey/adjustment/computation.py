@@ -19,6 +19,7 @@ from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
 from obseq.survey.adjustment.doubtful import doubtful_points
 from obseq.survey.adjustment.inner import inner_covariances
+from obseq.survey.adjustment.loose_motions import UNDETERMINED, loose_error, size_of
 from obseq.survey.adjustment.loose_parts import singular_parts
 from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
 from obseq.survey.adjustment.point_system import PointSystem
@@ -128,9 +129,11 @@ class Computation:
                 where the iterations started.
         """
         while True:
+            equations = equations or self._equations(start)
             try:
                 return self._adjusted(start, equations)
-            except SingularSystemError as error:
+            except SingularSystemError as found:
+                error = _with_loose_motions(equations, found)
                 undetermined = singular_parts(start, error)
                 if strict or self._was_determined(start, undetermined):
                     raise in_words(error) from error
@@ -147,12 +150,14 @@ class Computation:
             SingularSystemError: that is all of it.
         """
         while True:
-            system = (equations or self._equations(start)).system
-            first = system.unknowns.state()
+            equations = equations or self._equations(start)
+            system, first = equations.system, equations.system.unknowns.state()
             try:
                 system.solve(max_iterations=1)
             except SingularSystemError as error:
-                start, equations = leave_out(start, singular_parts(start, error)), None
+                system.unknowns.restore(first)
+                undetermined = singular_parts(start, _with_loose_motions(equations, error))
+                start, equations = leave_out(start, undetermined), None
             else:
                 return start
             finally:
@@ -173,12 +178,11 @@ class Computation:
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
-    def _adjusted(self, start: Determined, equations: Equations | None) -> Adjustment:
+    def _adjusted(self, start: Determined, equations: Equations) -> Adjustment:
         """Adjusts what is determined."""
-        with self.watch.phase("equations"):
-            equations = equations or self._equations(start)
         with self.watch.phase("iterations and covariances"):
             found = examine(equations, start.book, self.quality, self._solving(equations), self.wrong)
+        _refuse_loose_motions(start, equations, found.solution)
         if not found.solution.converged:
             _require_determined(start, equations, found.solution)
         with self.watch.phase("results"):
@@ -259,6 +263,24 @@ def _doubtful(start: Determined, adjustment: Adjustment) -> tuple[Doubtful, ...]
     sigmas = adjustment.points.precisions[rows] / math.sqrt(factor or 1.0)
     coordinates = start.initial.coordinates
     return tuple(doubtful_points(start.book, start.points.names, coordinates, rows, sigmas))
+
+
+def _refuse_loose_motions(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:
+    """Raises the error of a singular system where only the curvature of the Earth says where points are."""
+    if start.points.in_datum.any() or not solution.n_unknowns:
+        return
+    covariances = _covariances(solution, equations.points, a_priori=True)
+    precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
+    if precisions.max() > UNDETERMINED * size_of(solution.values(equations.points)):
+        error = loose_error(equations.system, equations.points)
+        if error is not None:
+            raise error
+
+
+def _with_loose_motions(equations: Equations, error: SingularSystemError) -> SingularSystemError:
+    """The error of a singular system, or that of all motions that are as good as free."""
+    loose = None if error.kernel is None else loose_error(equations.system, equations.points)
+    return error if loose is None or (loose.defect or 0) <= (error.defect or 0) else loose
 
 
 def _require_determined(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:

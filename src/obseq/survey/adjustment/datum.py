@@ -12,12 +12,10 @@ from obseq.arguments import WORDS, require
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import composed
-from obseq.survey.adjustment.links import is_one_part
 from obseq.survey.kinds.registry import among, codes_where
-from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import FloatArray
     from obseq.survey.model import FieldBook, Points
 
 
@@ -115,73 +113,3 @@ def without_azimuths(book: FieldBook) -> tuple[FieldBook, tuple[str, ...]]:
     return book.without(azimuths), (
         f"inner constraints: {count} azimuths have no part, they would orient it",
     )
-
-
-LEAST_TURN = 0.01
-"""Precision of an orientation (rad) beyond which only the curvature of the Earth, or rounding, gives it."""
-
-
-def is_held(book: FieldBook, known: BoolArray) -> bool:
-    """Whether an observation says where the network is beside points whose plan is known (a mask).
-
-    Differences of height do not: such points may be anywhere.
-    """
-    padded = np.append(known, np.zeros(len(book.point_names) - len(known), np.bool_))
-    levelled = among(book.observations.types, codes_where(lambda kind: kind.is_levelled))
-    return bool((book.naming(padded) & book.observations.active & ~levelled).any())
-
-
-def combinations_of(book: FieldBook) -> IntArray:
-    """The active rows that combine the coordinates of many points."""
-    codes = codes_where(lambda kind: kind.is_combination)
-    return np.flatnonzero(among(book.observations.types, codes) & book.observations.active)
-
-
-def normal_rows_turn(book: FieldBook, motion: FloatArray) -> bool:
-    """Whether rows of normal equations leave the network free to turn about the vertical.
-
-    Args:
-        book: The observations.
-        motion: (n, 3) how points move when the network turns, along geocentric axes, per radian.
-    """
-    rows = combinations_of(book)
-    groups = [book.groups[number] for number in book.observations.groups[rows].tolist()]
-    found = [np.ravel(motion[list(group.members)]) @ group.weights for group in groups]
-    seen = float(np.linalg.norm(np.array(found) / book.observations.sigmas[rows]))
-    return seen * LEAST_TURN < 1.0
-
-
-def is_oriented(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> bool:
-    """Whether an observation changes when the network turns about the vertical, its instruments with it.
-
-    Args:
-        book: The observations.
-        orientations: (m,) values of `Orientation` of the stations.
-    """
-    rows = book.observations
-    alike = codes_where(lambda kind: kind.turns_freely or (kind.needs_station and not kind.orients))
-    reading = codes_where(lambda kind: kind.needs_station and bool(kind.orients))
-    at = np.maximum(rows.stations, 0)
-    turns = np.isin(orientations, (Orientation.VERT, Orientation.BASC))
-    follows = among(rows.types, reading) & (rows.stations >= 0)
-    follows &= turns[at] if len(turns) else False
-    return bool((rows.active & ~follows & ~among(rows.types, alike)).any())
-
-
-def moves_freely(
-    points: Points, book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]
-) -> bool:
-    """Whether nothing is known of any point, and no observation changes when all move over the Earth.
-
-    Their plumb lines then turn with them, as far as the Earth is a sphere. Networks of several parts are not
-    meant, which would move one by one.
-
-    Args:
-        points: The points.
-        book: The observations.
-        orientations: (m,) values of `Orientation` of the stations.
-    """
-    bound = codes_where(lambda kind: not kind.moves_freely)
-    if not points.is_free.all() or (among(book.observations.types, bound) & book.observations.active).any():
-        return False
-    return is_one_part(book) and not is_oriented(book, orientations)

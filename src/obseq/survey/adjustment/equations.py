@@ -8,18 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.adjustment.datum import (
-    combinations_of,
-    is_held,
-    is_oriented,
-    moves_freely,
-    normal_rows_turn,
-)
+from obseq.survey.adjustment.carried import moves_of
 from obseq.survey.adjustment.families import Family, family_of, present, rows_by_family
 from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import KnownCoordinates
 from obseq.survey.adjustment.labels import Labels
+from obseq.survey.adjustment.loose_motions import loose_motions
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
 from obseq.survey.adjustment.site import NetworkSite
@@ -93,15 +88,15 @@ class Equations:
             self._plumb,
             book,
             self.points,
-            self.instruments.ids,
+            self.instruments,
             self.shared,
-            self.instruments.turning,
         )
         self.shared.add(self._site, initial.coordinates)
         self._families: list[tuple[Family, Batch]] = []
         self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
-        self._set_datum(points, point_system, initial)
+        self._set_datum(points, point_system)
+        self.system.unknowns.followed_by(self._renew)
 
     def restart(self, points: Points, book: FieldBook, initial: InitialValues) -> None:
         """Takes the numbers of another network, which has the same equations otherwise (`kept_equations`).
@@ -120,6 +115,7 @@ class Equations:
             batch.active[:] = book.observations.active[family.rows]
             batch.observations = self._measured(family, initial.coordinates)
             batch.sigmas = self.sigmas(family.rows, initial.coordinates)
+            self._carry(family, batch, initial.coordinates)
             batch.loss = None
 
     def _blocks_of_points(
@@ -130,36 +126,14 @@ class Equations:
         ids[new] = self.system.add_points([points.names[row] for row in new], coordinates[new])
         return ids
 
-    def _set_datum(self, points: Points, point_system: PointSystem, initial: InitialValues) -> None:
+    def _set_datum(self, points: Points, point_system: PointSystem) -> None:
         """Puts a free network on the components that are to carry its datum."""
         chosen = np.zeros((len(points), 3), np.bool_)
         chosen[:, point_system.components] = points.in_datum & points.is_free
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
-            motions = self._frame.motions(initial.coordinates)
-            if self.instruments.turning.any() and moves_freely(points, self._book, initial.orientations):
-                loose = motions
-            else:
-                may_turn = chosen[:, :2].any() and self._may_turn(points, initial, motions[:, :, 3])
-                loose = motions[:, :, 3 if may_turn else 4 :]
+            loose = loose_motions(self.system, self.points).points
             self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
-
-    def _may_turn(self, points: Points, initial: InitialValues, turn: FloatArray) -> bool:
-        """Whether nothing orients the network but the curvature of the Earth.
-
-        The Jacobian of a network that others than instruments hold upright takes verticals as they are: where
-        they are not parallel they hold, in appearance, a rotation about the vertical, with a precision of
-        degrees.
-        """
-        if self._frame.is_plane or not self._frame.has_vertical:
-            return False
-        normals = combinations_of(self._book)
-        if normals.size:
-            rotation, _ = self._frame.to_geocentric(self._book, normals)
-            if not normal_rows_turn(self._book, turn @ rotation.T):
-                return False
-        held = np.asarray(~points.is_free[:, :2].all(axis=1))
-        return not (is_held(self._book, held) or is_oriented(self._book, initial.orientations))
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}
@@ -216,6 +190,7 @@ class Equations:
             batch = self.system.add(formula, blocks, measured, sigmas, labels=labels, group=kind.group)
         if covariance:
             batch.correlate_all(covariance)
+        self._carry(family, batch, coordinates)
         self._families.append((family, batch))
         return batch
 
@@ -240,19 +215,17 @@ class Equations:
         values = kind.values(self._site, rows, coordinates).reshape(len(rows), -1)
         return np.concatenate([kind.context(self._site, rows, coordinates), values], axis=1)
 
+    def _carry(self, family: Family, batch: Batch, coordinates: FloatArray) -> None:
+        """Completes the derivatives by points by what these carry along, at coordinates of all."""
+        names = list(family.kinds[0][0].blocks(self._site, family.rows[:1]))
+        if not batch.shape.is_linear:
+            names = [role.name for role in batch.shape.roles]
+        places = {name: place for place, name in enumerate(names)}
+        batch.carry(moves_of(self._site, family, places, coordinates))
+
     def _grid_scales(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n,) lengths at the height of the station for one at height 0: differences of grid coordinates."""
-        result = np.ones(len(rows))
-        if not self._has_grid:
-            return result
-        stations = self._book.observations.stations[rows]
-        grid = np.flatnonzero(stations >= 0)
-        grid = grid[self._book.stations.orientations[stations[grid]] == Orientation.GRID.value]
-        if grid.size and not self._frame.is_plane:
-            _, radius = self._site.sphere(rows[grid])
-            origins = self._book.observations.from_points[rows[grid]]
-            result[grid] += self._frame.around(coordinates).geodetic[origins, 2] / radius
-        return result
+        """(n,) what values of stations along the grid are multiplied by; 1 for others."""
+        return self._site.grid_scales(rows, coordinates) if self._has_grid else np.ones(len(rows))
 
     def sigmas(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) sigmas of observations, with their relative parts at the distances between points there."""
@@ -270,18 +243,24 @@ class Equations:
         )
 
     def follow(self, system: LeastSquares, _number: int) -> None:
-        """Before an evaluation: turns instruments with their verticals, renews what depends on positions."""
+        """Before an evaluation: renews what depends on positions, sigmas too."""
+        self._renew()
         coordinates = system.values(self.points)
-        self.known.follow(coordinates)
-        if not np.array_equal(coordinates, self._followed):
-            self._followed = coordinates
-            self.instruments.follow(system, coordinates)
-            for family, batch in self._families:
-                if self._has_grid or family.depends_on_place or self._plumb.is_deflected:
-                    batch.observations = self._measured(family, coordinates)
         for (_, is_correlated), (rows, batch) in self.batches.items():
             if not is_correlated and (self._has_grid or self._book.observations.relative_sigmas[rows].any()):
                 batch.sigmas = self.sigmas(rows, coordinates)
+
+    def _renew(self) -> None:
+        """Wherever the unknowns have moved: turns instruments with their verticals, renews what is given."""
+        coordinates = self.system.values(self.points)
+        self.known.follow(coordinates)
+        if not np.array_equal(coordinates, self._followed):
+            self._followed = coordinates
+            self.instruments.follow(self.system, coordinates)
+            for family, batch in self._families:
+                self._carry(family, batch, coordinates)
+                if self._has_grid or family.depends_on_place or self._plumb.is_deflected:
+                    batch.observations = self._measured(family, coordinates)
         self.linearise()
 
     def linearise(self) -> None:

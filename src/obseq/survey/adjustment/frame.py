@@ -25,6 +25,9 @@ RTL_HINT = "compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
 MEAN_RADIUS = 6371008.8
 """Radius (m) of the Earth where its place is not known: the mean one of GRS 80."""
 
+SHORTEST = 1e-9
+"""Length (m) that stands for shorter ones in a division."""
+
 UPRIGHT = np.broadcast_to(np.eye(3), (2**40, 3, 3))
 """The unit matrix, as often as there are points."""
 
@@ -108,12 +111,12 @@ class Frame:
             return np.asarray(self.around(coordinates).verticals[rows])
         return self.vertical(coordinates[rows])
 
-    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+    def turns(self, rows: IntArray | IndexArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) what east, north, up of points turn by when these move, in the frame (rad per m).
 
         Columns are those of the movement; deflections of the vertical do not change them.
         """
-        if not isinstance(self.system, crs.RigidSystem):
+        if not self.has_turning_vertical:
             return np.zeros((len(rows), 3, 3))
         return np.asarray(self.around(coordinates).turns[rows])
 
@@ -121,17 +124,6 @@ class Frame:
     def has_turning_vertical(self) -> bool:
         """Whether stations have a vertical, which turns from place to place."""
         return self.system.kind is crs.Kind.LOCAL_TANGENT
-
-    def turn(self, points: FloatArray) -> FloatArray:
-        """(n, 3) how points (n, 3) move in a turn about the vertical of their middle, per radian."""
-        centre = points.mean(axis=0)
-        return np.cross(self.vertical(centre[None])[0, 2], points - centre)
-
-    def motions(self, points: FloatArray) -> FloatArray:
-        """(n, 3, 4) how points (n, 3) move to the east, north and up of their middle, and in that turn."""
-        axes = self.vertical(points.mean(axis=0)[None])[0]
-        moved = np.broadcast_to(axes.T, (len(points), 3, 3))
-        return np.concatenate([moved, self.turn(points)[:, :, None]], axis=2)
 
     @property
     def plumb(self) -> Callable[[FloatArray], FloatArray] | None:
@@ -153,6 +145,19 @@ class Frame:
         """(n,) what a coefficient of 1 adds to these corrections (rad)."""
         distances, radii = self._arcs(book, rows, coordinates)
         return np.asarray(distances / (2.0 * radii))
+
+    def slopes_of_refraction(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 6) derivatives of `refraction_of_one` by the two points."""
+        origins, targets = book.observations.from_points[rows], book.observations.to_points[rows]
+        if self.is_plane:
+            plan = (coordinates[targets] - coordinates[origins]) * (1.0, 1.0, 0.0)
+            along = plan / np.maximum(np.linalg.norm(plan, axis=1), SHORTEST)[:, None]
+            return np.hstack([-along, along]) / (2.0 * MEAN_RADIUS)
+        rotation, _ = self.to_geocentric(book, rows)
+        around = self.around(coordinates)
+        place, up = around.geodetic[origins], around.verticals[origins][:, 2] @ rotation.T
+        slopes = crs.slopes_of_arc(around.geocentric[origins], around.geocentric[targets], place, up)
+        return np.hstack([slope @ rotation for slope in slopes])
 
     def _arcs(
         self, book: FieldBook, rows: IntArray, coordinates: FloatArray

@@ -60,9 +60,6 @@ def inner_covariances(
     points = _freed(start.points, coordinates, observed)
     equations = equations_of(replace(start, points=points, book=book, initial=initial))
     equations.system.unknowns.restore(adjusted.system.unknowns.state())
-    equations.instruments.turn_to(
-        equations.system, adjusted.instruments.rotations(adjusted.system), coordinates
-    )
     solution = equations.system.solve(max_iterations=0, covariance=True)
     require_whole(free_motions(equations, points.names))
     covariances = solution.covariance(equations.points, a_priori=True)

@@ -6,10 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.problem.manifolds import ROTATION, TURNING
-from obseq.survey.adjustment.datum import moves_freely
+from obseq.leastsquares.problem.manifolds import PLUMB
 from obseq.survey.adjustment.labels import station_names
-from obseq.survey.adjustment.links import held_in_plan
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -27,13 +25,10 @@ class Instruments:
     """The rotations of the stations, from the axes of the instrument to the frame.
 
     They follow their station: when its point moves, the vertical there turns with it, and the instrument
-    keeps its orientation with respect to the vertical, or stays along the grid. That is part of the
-    derivatives by the point where something holds the plan of the network, or nothing holds it at all; else
-    plumb lines would say where on the Earth it is, to some ten metres.
+    keeps its orientation with respect to the vertical, or stays along the grid.
 
     Attributes:
         ids: Block of the rotation of every station.
-        turning: (n_points,) whether the plumb line of each point turns with it in derivatives.
     """
 
     def __init__(self, system: LeastSquares, plumb: Plumb, book: FieldBook, initial: InitialValues) -> None:
@@ -48,37 +43,40 @@ class Instruments:
         self._plumb = plumb
         self._origins = book.stations.origins.astype(np.int64)
         self._grid = book.stations.orientations == Orientation.GRID.value
-        self.turning = np.zeros(len(book.point_names), np.bool_)
-        if plumb.turn:
-            is_free = moves_freely(plumb.points, book, initial.orientations)
-            self.turning = held_in_plan(plumb.points, book) | is_free
-        self._verticals = plumb.axes(self._origins, initial.coordinates)
-        values = self._with_turns(self._started(initial), initial.coordinates)
-        manifold = TURNING if plumb.turn else ROTATION
-        self.ids = system.add_blocks(manifold, station_names(plumb.points, book), values)
+        values = self._started(initial)
+        self.ids = system.add_blocks(PLUMB, station_names(plumb.points, book), values)
         for status, components in FROZEN_TURNS.items():
             frozen = self.ids[initial.orientations == status.value]
             if frozen.size:
                 system.freeze(frozen, components)
 
     def _started(self, initial: InitialValues) -> FloatArray:
-        """Initial rotations of the stations, turned from the vertical of the frame to the plumb line."""
-        rotations = initial.rotations.copy()
-        if self._plumb.is_deflected:
-            before = self._plumb.frame.verticals(self._origins, initial.coordinates)
-            rotations = self._verticals.transpose(0, 2, 1) @ before @ rotations
-        return self._along_grid(rotations)
+        """(m, 3, 6) initial rotations, and plumb lines.
+
+        Of a plumb instrument only where it points counts, whatever its initial rotation stands along: the
+        vertical of the frame, or a plumb line that was found elsewhere.
+        """
+        verticals = self._plumb.axes(self._origins, initial.coordinates)
+        rotations, fronts = initial.rotations.copy(), initial.rotations[:, :, 1]
+        east, north, _ = np.einsum("nij,nj->in", verticals, fronts)
+        azimuths = np.where(initial.orientations == Orientation.FIX.value, 0.0, np.arctan2(east, north))
+        plumb = initial.orientations != Orientation.BASC.value
+        rotations[plumb] = _upright(verticals[plumb], azimuths[plumb])
+        return self._turned(rotations, verticals, initial.coordinates)
+
+    def _turned(self, rotations: FloatArray, before: FloatArray, coordinates: FloatArray) -> FloatArray:
+        """(m, 3, 6) rotations (m, 3, 3) and the plumb lines (m, 3, 3) at coordinates, from those before."""
+        verticals = self._plumb.axes(self._origins, coordinates)
+        turned = verticals.transpose(0, 2, 1) @ before @ rotations
+        if self._grid.any():
+            turned[self._grid] = _along_grid(verticals[self._grid])
+        return np.concatenate([turned, verticals], axis=2)
 
     def restart(self, system: LeastSquares, plumb: Plumb, initial: InitialValues) -> None:
-        """Comes back to where stations start; those that turned with their points still do."""
+        """Comes back to where stations start."""
         self._plumb = plumb
-        self._verticals = plumb.axes(self._origins, initial.coordinates)
-        self.turn_to(system, self._started(initial), initial.coordinates)
-
-    def turn_to(self, system: LeastSquares, rotations: FloatArray, coordinates: FloatArray) -> None:
-        """Gives them rotations (m, 3, 3) to the frame, at the coordinates that they follow."""
         if self.ids.size:
-            system.set_values(self.ids, self._with_turns(rotations, coordinates))
+            system.set_values(self.ids, self._started(initial))
 
     def rotations(self, solution: LeastSquaresResult | LeastSquares) -> FloatArray:
         """(m, 3, 3) rotations from the instruments to the frame."""
@@ -90,27 +88,19 @@ class Instruments:
         return np.asarray((verticals @ self.rotations(solution)).transpose(0, 2, 1))
 
     def follow(self, system: LeastSquares, coordinates: FloatArray) -> None:
-        """Turns them with the verticals at coordinates of the points; in a plane these are all alike."""
+        """Turns them with the plumb lines at coordinates of the points; in a plane these are all alike."""
         if self._plumb.turn and self.ids.size:
-            before, self._verticals = self._verticals, self._plumb.axes(self._origins, coordinates)
-            turned = self._verticals.transpose(0, 2, 1) @ before @ self.rotations(system)
-            self.turn_to(system, self._along_grid(turned), coordinates)
+            values = system.values(self.ids)
+            turned = self._turned(values[:, :, :3], values[:, :, 3:], coordinates)
+            system.set_values(self.ids, turned)
 
-    def _along_grid(self, rotations: FloatArray) -> FloatArray:
-        """Rotations, those of stations along the grid made anew."""
-        if self._grid.any():
-            rotations[self._grid] = _along_grid(self._verticals[self._grid])
-        return np.asarray(rotations)
-
-    def _with_turns(self, rotations: FloatArray, coordinates: FloatArray) -> FloatArray:
-        """(m, 3, 6) rotations, and their turns with their points beside them; rotations in a plane."""
-        if not self._plumb.turn:
-            return rotations
+    def turns(self, coordinates: FloatArray) -> FloatArray:
+        """(m, 3, 3) what they turn by when their points move, in the frame (rad per m)."""
         turns = self._plumb.turns(self._origins, coordinates)
         if self._grid.any():
-            turns[self._grid] = _turns_along_grid(rotations[self._grid], turns[self._grid])
-        turns[~self.turning[self._origins]] = 0.0
-        return np.concatenate([rotations, turns], axis=2)
+            verticals = self._plumb.axes(self._origins[self._grid], coordinates)
+            turns[self._grid] = _turns_along_grid(_along_grid(verticals), turns[self._grid])
+        return turns
 
 
 def _along_grid(verticals: FloatArray) -> FloatArray:
@@ -119,13 +109,13 @@ def _along_grid(verticals: FloatArray) -> FloatArray:
     Args:
         verticals: (n, 3, 3) rotations from the frame to east, north, up.
     """
-    azimuths = np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1])
-    cosine, sine, zero, one = (
-        np.cos(azimuths),
-        np.sin(azimuths),
-        np.zeros(len(azimuths)),
-        np.ones(len(azimuths)),
-    )
+    return _upright(verticals, np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1]))
+
+
+def _upright(verticals: FloatArray, azimuths: FloatArray) -> FloatArray:
+    """(n, 3, 3) rotations, instrument to frame, along verticals (n, 3, 3), the front at azimuths (n,)."""
+    cosine, sine = np.cos(azimuths), np.sin(azimuths)
+    zero, one = np.zeros(len(azimuths)), np.ones(len(azimuths))
     turns = np.array([[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]).transpose(2, 0, 1)
     return np.asarray((turns @ verticals).transpose(0, 2, 1))
 

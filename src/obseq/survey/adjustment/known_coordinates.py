@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +55,7 @@ class Tangents:
         here: (k, 3) coordinates in the frame.
         computed: (k, 3) in the system of the points, in its units.
         axes: (k, 3, 3) derivatives, metres in that system by metres in the frame.
+        stretching: (k, 3, 3) derivatives of these metres, for one of them.
         metres: (k, 3) metres in one unit of each coordinate.
     """
 
@@ -61,6 +63,7 @@ class Tangents:
     computed: FloatArray
     axes: FloatArray
     metres: FloatArray
+    stretching: FloatArray
 
 
 class Labels(Sequence[str]):
@@ -101,7 +104,7 @@ class KnownCoordinates:
         for rows in (self._rows, self._correlated[0], self._held_rows):
             is_known[rows] = True
         self._known = np.flatnonzero(is_known)
-        self._tangents = Recent(self._tangents_at)
+        self._tangents = Recent(partial(_tangents, point_system))
         self._soft = self._add_soft(system)
         self._hard = self._add_hard(system)
         self._together = self._add_together(system)
@@ -180,12 +183,11 @@ class KnownCoordinates:
         tangents = self._tangents.of(self._linearised_at[self._known])
         position = np.searchsorted(self._known, rows)
         gaps = self._system.differences(self._values[self._known], tangents.computed) * tangents.metres
-        coefficients, here = tangents.axes[position, components], tangents.here[position]
-        values = gaps[position, components] + np.einsum("kj,kj->k", coefficients, here)
+        gaps, here = gaps[position, components], tangents.here[position]
+        coefficients = tangents.axes[position, components]
+        coefficients = coefficients - gaps[:, None] * tangents.stretching[position, components]
+        values = gaps + np.einsum("kj,kj->k", coefficients, here)
         return np.concatenate([coefficients, values[:, None]], axis=1)
-
-    def _tangents_at(self, here: FloatArray) -> Tangents:
-        return Tangents(here, *self._system.coordinates_and_axes(here))
 
     def follow(self, coordinates: FloatArray) -> None:
         """Linearises at coordinates of all points; along axes of the frame nothing changes."""
@@ -240,6 +242,12 @@ def _given(points: Points, point_system: PointSystem) -> FloatArray:
     names = [points.names[row] for row in some]
     values[some] = point_system.coordinates(points.coordinates[some], names)
     return values
+
+
+def _tangents(system: PointSystem, here: FloatArray) -> Tangents:
+    """Those of points at `here` (k, 3) in the frame."""
+    computed, axes, metres = system.coordinates_and_axes(here)
+    return Tangents(here, computed, axes, metres, system.stretching(computed, axes, metres))
 
 
 def _correlated(points: Points) -> tuple[IntArray, IntArray]:

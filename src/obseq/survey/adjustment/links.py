@@ -20,23 +20,6 @@ def linked_to_known(points: Points, book: FieldBook) -> BoolArray:
     return _linked(parts_of(book), known, _observed(book, absolute))
 
 
-def held_in_plan(points: Points, book: FieldBook) -> BoolArray:
-    """(n,) whether such a chain links each point to known or observed coordinates in both directions of plan.
-
-    A part of a network that nothing else holds has a plan through its plumb lines alone, to some ten metres.
-    """
-    part = parts_of(book)
-    observed = _observed(book, codes_where(lambda kind: kind.places_in_plan))
-    is_known = ~points.is_free
-    return _linked(part, is_known[:, 0], observed) & _linked(part, is_known[:, 1], observed)
-
-
-def is_one_part(book: FieldBook) -> bool:
-    """Whether active observations join all points that have any."""
-    first, _ = _joined(book)
-    return len(np.unique(parts_of(book)[first])) == 1
-
-
 def parts_of(book: FieldBook) -> IntArray:
     """(n,) for each point the first of those that active observations join it to, however indirectly."""
     first, second = _joined(book)

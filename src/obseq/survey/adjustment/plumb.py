@@ -16,7 +16,7 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
@@ -63,9 +63,26 @@ class Plumb:
             return verticals
         return np.asarray(deflecting(np.nan_to_num(self.points.deflections[rows])) @ verticals)
 
-    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+    def turns(self, rows: IntArray | IndexArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3, 3) what these axes turn by when their points move, in the frame (rad per m)."""
         return self.frame.turns(rows, coordinates)
+
+    def slopes_of_levelled(
+        self, book: FieldBook, rows: IntArray, coordinates: FloatArray
+    ) -> FloatArray | None:
+        """(k, 6) derivatives of `levelled` by the two points; None without deflections."""
+        if not self.is_deflected:
+            return None
+        ends = book.observations.from_points[rows], book.observations.to_points[rows]
+        local = self.frame.verticals(ends[0], coordinates)
+        along = np.einsum("nj,njk->nk", self._mean_deflections(*ends), local[:, :2])
+        sights = coordinates[ends[1]] - coordinates[ends[0]]
+        leaning = np.einsum("nk,nkj->nj", np.cross(along, sights), self.turns(ends[0], coordinates))
+        return np.hstack([along - leaning, -along])
+
+    def _mean_deflections(self, origins: IndexArray, targets: IndexArray) -> FloatArray:
+        """(k, 2) eta and xi, half way between points."""
+        return np.nan_to_num(self.points.deflections[origins] + self.points.deflections[targets]) / 2.0
 
     def offsets(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(k, 3) of observations: offset of the target above its point minus that of the instrument (m)."""
@@ -98,7 +115,7 @@ class Plumb:
             self.frame.verticals(origins, coordinates),
             coordinates[targets] - coordinates[origins],
         )
-        mean = np.nan_to_num(self.points.deflections[origins] + self.points.deflections[targets]) / 2.0
+        mean = self._mean_deflections(origins, targets)
         return np.asarray(values - np.einsum("nj,nj->n", mean, sights[:, :2]))
 
     def check(self, book: FieldBook, orientations: NDArray[np.int8]) -> None:

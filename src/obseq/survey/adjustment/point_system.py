@@ -16,10 +16,15 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
 
 
-STEP = 10.0
-"""Step (m) of the differences that give derivatives: curvature of the Earth and rounding stay below 1e-9."""
-AROUND = STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-"""(7, 3) steps to the point itself, and along the axes."""
+STEP = 50.0
+"""Step (m) of the differences of the fourth order that give derivatives: rounding stays below 1e-10."""
+NEAREST = 0.003
+"""Share of the distance from a pole that a step is at most: there curvature stays below 1e-10."""
+SHARES = np.array([8.0, -8.0, -1.0, 1.0]) / 12.0
+"""Of the values one step ahead and back, two ahead and back."""
+AROUND = np.array([1.0, -1.0, 2.0, -2.0])
+RADIUS = 6.4e6
+"""Radius (m) of the Earth, for the sizes of steps."""
 
 
 @dataclass(frozen=True)
@@ -94,22 +99,38 @@ class PointSystem:
             turn = np.eye(3) if self.turn is None else self.turn
             along = np.broadcast_to(turn, (len(points), 3, 3))
             return self.coordinates(points, names), along, np.ones((len(points), 3))
-        there = self._around(points, names)
-        differences = self.differences(there[:, 1:4].reshape(-1, 3), there[:, 4:].reshape(-1, 3))
-        rows = differences.reshape(-1, 3, 3).transpose(0, 2, 1) / (2.0 * STEP)
-        metres = np.empty((len(points), 3))
+        computed = self.coordinates(points, names)
+        rows, metres = self._slopes(points, computed), np.empty((len(points), 3))
         metres[:, :2], metres[:, 2] = self.system.plan_unit.factor, self.system.height_unit.factor
         if self.system.plan_unit.is_angle:
             metres[:, :2] = 1.0 / np.linalg.norm(rows[:, :2], axis=2)
-        return there[:, 0], rows * metres[:, :, None], metres
+        return computed, rows * metres[:, :, None], metres
 
-    def _around(self, points: FloatArray, names: Sequence[str] | None) -> FloatArray:
-        """(n, 7, 3) coordinates in the system at steps `AROUND` from points of the frame."""
-        try:
-            return self.coordinates((points[:, None] + AROUND).reshape(-1, 3)).reshape(-1, 7, 3)
-        except crs.CrsError:
-            self.coordinates(points, names)  # its message names the point
-            raise
+    def _slopes(self, points: FloatArray, computed: FloatArray) -> FloatArray:
+        """(n, 3, 3) derivatives of the coordinates (n, 3), in their units, by rows."""
+        steps = np.full(len(points), STEP)
+        if self.system.plan_unit.is_angle:
+            away = RADIUS * np.cos(computed[:, 1] * self.system.plan_unit.factor)
+            steps = np.clip(NEAREST * away, np.finfo(float).tiny, STEP)
+        moved = steps[:, None, None, None] * AROUND[:, None, None] * np.eye(3)
+        there = self.coordinates((points[:, None, None] + moved).reshape(-1, 3))
+        here = np.repeat(computed, 3 * len(AROUND), axis=0)
+        gaps = self.differences(there, here).reshape(len(points), len(AROUND), 3, 3)
+        return np.asarray(np.einsum("k,nkji->nij", SHARES, gaps) / steps[:, None, None])
+
+    def stretching(self, computed: FloatArray, axes: FloatArray, metres: FloatArray) -> FloatArray:
+        """(n, 3, 3) derivatives of `metres`, over `metres`, at points whose `coordinates_and_axes` these are.
+
+        A degree of longitude is shorter nearer to the pole, and one of either lower down.
+        """
+        found = np.zeros_like(axes)
+        if self.system.plan_unit.is_angle:
+            factor = self.system.plan_unit.factor
+            latitude = computed[:, 1, None] * factor
+            outwards = np.cos(latitude) * axes[:, 2] - np.sin(latitude) * axes[:, 1]
+            found[:, 0] = outwards * factor / metres[:, :1]
+            found[:, 1] = axes[:, 2] * factor / metres[:, 1:2]
+        return found
 
     def differences(self, coordinates: FloatArray, others: FloatArray) -> FloatArray:
         """(n, 3) coordinates minus others, in the units of the system; also across the date line."""

@@ -91,6 +91,10 @@ class SharedUnknowns:
                     "target needs three positions with coordinates that are not on a line"
                 )
 
+    def values(self, rows: IntArray, part: str) -> FloatArray:
+        """(n, m) present values of these blocks."""
+        return self._system.values(self.blocks(rows, part))
+
     def blocks(self, rows: IntArray, part: str) -> IntArray:
         """Blocks (n,) that observations have under a name, in their group or its parent."""
         groups = self._book.observations.groups[rows].tolist()

@@ -6,11 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.survey.kinds.registry import IS_ANGLE
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.adjustment.instruments import Instruments
     from obseq.survey.adjustment.plumb import Plumb
     from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
     from obseq.survey.kinds.kind import Place
@@ -26,35 +30,21 @@ class NetworkSite:
         plumb: The plumb lines of the points.
         book: The observations.
         points: Block of every point.
-        rotations: Block of the rotation of every station.
+        instruments: The rotation of every station.
         shared_unknowns: Blocks of the unknowns of groups.
-        turning: Whether the plumb line of each point turns with it in derivatives.
     """
 
     frame: Frame
     plumb: Plumb
     book: FieldBook
     points: IntArray
-    rotations: IntArray
+    instruments: Instruments
     shared_unknowns: SharedUnknowns
-    turning: BoolArray
 
     @property
     def is_plane(self) -> bool:
         """Whether the frame is a plane with heights."""
         return self.frame.is_plane
-
-    @property
-    def has_heights_along_z(self) -> bool:
-        """Whether height differences are those of z: in a plane, and on a datum of its own."""
-        return self.is_plane or bool(self.plumb.points.in_datum.any())
-
-    def rise_of_curvature(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n,) differences of z minus those of heights; 0 in a plane."""
-        if self.is_plane:
-            return np.zeros(len(rows))
-        (first, _, origins), (last, _, targets) = self.places(rows, coordinates)
-        return np.asarray(targets[:, 2] - origins[:, 2] - (last[:, 2] - first[:, 2]))
 
     def measured(self, rows: IntArray) -> FloatArray:
         """(n,) values as observed."""
@@ -92,9 +82,47 @@ class NetworkSite:
         """(n,) observed height differences between the points, along the vertical of the frame."""
         return self.plumb.levelled(self.book, rows, coordinates)
 
+    def slopes_of_levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """(n, 6) derivatives of `levelled` by the two points; None where it does not depend on them."""
+        return self.plumb.slopes_of_levelled(self.book, rows, coordinates)
+
+    def slopes_of_grid(self, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """(n, 6) derivatives of minus the values of stations along the grid; None without such."""
+        is_grid = self._is_grid(rows)
+        if self.is_plane or not is_grid.any():
+            return None
+        _, radius = self.sphere(rows)
+        origins = self.book.observations.from_points[rows]
+        up = self.frame.verticals(origins, coordinates)[:, 2]
+        along = (self.measured(rows) * is_grid / radius)[:, None] * up
+        return np.hstack([-along, np.zeros_like(along)])
+
+    def grid_scales(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) lengths at the height of the station for one at height 0: differences of grid coordinates."""
+        result, is_grid = np.ones(len(rows)), self._is_grid(rows)
+        if is_grid.any() and not self.is_plane:
+            _, radius = self.sphere(rows[is_grid])
+            origins = self.book.observations.from_points[rows[is_grid]]
+            result[is_grid] += self.frame.around(coordinates).geodetic[origins, 2] / radius
+        return result
+
+    def _is_grid(self, rows: IntArray) -> BoolArray:
+        """(n,) whether observations are lengths of a station along the grid."""
+        observations = self.book.observations
+        return self._are_grid[observations.stations[rows]] & ~IS_ANGLE[observations.types[rows]]
+
+    @cached_property
+    def _are_grid(self) -> BoolArray:
+        """(m + 1,) whether each station is along the grid; the last one stands for none."""
+        return np.append(self.book.stations.orientations == Orientation.GRID.value, np.False_)
+
     def refraction(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) corrections of zenith angles."""
         return self.frame.refraction(self.book, rows, coordinates)
+
+    def slopes_of_refraction(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 6) derivatives of `refraction_of_one` by the two points."""
+        return self.frame.slopes_of_refraction(self.book, rows, coordinates)
 
     @property
     def refraction_coefficient(self) -> float:
@@ -126,10 +154,12 @@ class NetworkSite:
         """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
         return self.plumb.axes(self.book.observations.from_points[rows].astype(np.int64), coordinates)
 
-    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n, 3, 3) what these turn by when the first points move, in the frame (rad per m)."""
-        origins = self.book.observations.from_points[rows].astype(np.int64)
-        return self.turning[origins, None, None] * self.plumb.turns(origins, coordinates)
+    def turns_of_axes(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 3, 3) what the axes of observations turn by when the first points move (rad per m)."""
+        stations = self.book.observations.stations[rows]
+        if (stations >= 0).all():
+            return self.instruments.turns(coordinates)[stations]
+        return self.plumb.turns(self.book.observations.from_points[rows].astype(np.int64), coordinates)
 
     def geodetic(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) longitude, latitude (rad) and ellipsoidal height (m) of the last points."""
@@ -137,14 +167,14 @@ class NetworkSite:
 
     def normals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up of the ellipsoid at the last points."""
-        return self.frame.verticals(self.book.observations.to_points[rows], coordinates)
+        return self.places(rows, coordinates)[1][1]
 
     def places(self, rows: IntArray, coordinates: FloatArray) -> tuple[Place, Place]:
         """Of both points: geodetic coordinates, east, north and up of the ellipsoid, coordinates."""
         self.to_geocentric(rows)
-        observations, place = self.book.observations, self.frame.around(coordinates).geodetic
+        observations, around = self.book.observations, self.frame.around(coordinates)
         first, last = (
-            (place[points], self.frame.verticals(points, coordinates), coordinates[points])
+            (around.geodetic[points], around.verticals[points], coordinates[points])
             for points in (observations.from_points[rows], observations.to_points[rows])
         )
         return first, last
@@ -155,7 +185,7 @@ class NetworkSite:
 
     def stations(self, rows: IntArray) -> IntArray:
         """Blocks (n,) of the rotations of the stations."""
-        return self.rotations[self.book.observations.stations[rows]]
+        return self.instruments.ids[self.book.observations.stations[rows]]
 
     def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 3) of the two points."""
@@ -165,6 +195,10 @@ class NetworkSite:
     def shared(self, rows: IntArray, part: str) -> IntArray:
         """Blocks (n,) of what the group of each observation, or its parent, has under this name."""
         return self.shared_unknowns.blocks(rows, part)
+
+    def shared_values(self, rows: IntArray, part: str) -> FloatArray:
+        """(n, m) present values of these."""
+        return self.shared_unknowns.values(rows, part)
 
     def sphere(self, rows: IntArray) -> tuple[FloatArray, float]:
         """Centre (3,) in the frame, and radius, of the sphere that stands for height 0."""

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
-from obseq.crs.normals import Normals
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
@@ -251,9 +250,7 @@ def _take_parts(known: Known, points: Points, hidden: BoolArray) -> None:
 
 
 def _parts_given(known: Known, points: Points, hidden: BoolArray) -> FloatArray:
-    """(n, 3) coordinates, NaN where none is given or hidden; those that are not free stay, in a plane."""
-    if isinstance(known.vertical, Normals):
-        return points.coordinates
+    """(n, 3) coordinates, NaN where none is given or hidden; those that are not free stay."""
     is_open = points.is_free & (hidden & ~points.is_free.all(axis=1))[:, None]
     is_open[:, :2] |= is_open[:, :2].any(axis=1, keepdims=True)
     return np.where(is_open, np.nan, points.coordinates)

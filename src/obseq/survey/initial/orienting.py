@@ -118,24 +118,37 @@ class _Pairs:
 
 
 def _orient_free(known: Known, graph: SightGraph, station: int) -> bool:
-    """Rotation (and position) from three vectors, or from two directions when the origin is known."""
-    vectors = _pairs(known, graph, station, complete=True)
+    """Rotation from two directions when the origin is known, or with its position from three vectors.
+
+    The ones are about the origin, the others about their middle: those that are less on one line are taken.
+    """
     origin = graph.origins[station]
-    if len(vectors.ground) >= 3 and _fit_isometry(known, station, origin, vectors):
-        return True
-    if not known.is_placed(origin):
+    vectors = _pairs(known, graph, station, complete=True)
+    seen, ground, rows = _directions(known, graph, station)
+    of_vectors = (
+        _spread(_centred(vectors.seen), _centred(vectors.ground)) if len(vectors.ground) >= 3 else 0.0
+    )
+    of_directions = _spread(seen, ground) if len(seen) >= 2 else 0.0
+    if max(of_vectors, of_directions) <= _LEAST_SPREAD**2:
         return False
-    directions = _pairs(known, graph, station, complete=False)
-    offsets = directions.ground - np.array(known.position_of(origin))
+    if of_vectors > of_directions:
+        return _fit_isometry(known, station, origin, vectors)
+    rotation = closest_rotation(ground.T @ seen)
+    return _take_rotation(known, station, rotation, Step("known directions", rows))
+
+
+def _directions(
+    known: Known, graph: SightGraph, station: int
+) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+    """(n, 3) directions as they are seen, (n, 3) in the frame, their rows; none from an unknown origin."""
+    origin = graph.origins[station]
+    if not known.is_placed(origin):
+        return np.zeros((0, 3)), np.zeros((0, 3)), ()
+    pairs = _pairs(known, graph, station, complete=False)
+    offsets = pairs.ground - np.array(known.position_of(origin))
     lengths = np.linalg.norm(offsets, axis=1)
     kept = lengths > 0.0
-    if np.count_nonzero(kept) < 2:
-        return False
-    seen, ground = directions.seen[kept], offsets[kept] / lengths[kept, None]
-    if not _determine_rotation(seen, ground):
-        return False
-    rotation = closest_rotation(ground.T @ seen)
-    return _take_rotation(known, station, rotation, Step("known directions", directions.rows))
+    return pairs.seen[kept], offsets[kept] / lengths[kept, None], pairs.rows
 
 
 def _pairs(known: Known, graph: SightGraph, station: int, *, complete: bool) -> _Pairs:
@@ -161,9 +174,6 @@ def _pairs(known: Known, graph: SightGraph, station: int, *, complete: bool) -> 
 
 def _fit_isometry(known: Known, station: int, origin: int, pairs: _Pairs) -> bool:
     """Least-squares isometry instrument -> frame; gives the position of the origin if it has none."""
-    ground, seen = pairs.ground - pairs.ground.mean(axis=0), pairs.seen - pairs.seen.mean(axis=0)
-    if not _determine_rotation(seen, ground):
-        return False
     pose = isometry(pairs.seen, pairs.ground)
     step = Step("isometry on three or more points", pairs.rows)
     if not known.is_placed(origin):
@@ -174,10 +184,15 @@ def _fit_isometry(known: Known, station: int, origin: int, pairs: _Pairs) -> boo
     return _take_rotation(known, station, pose.rotation, step)
 
 
-def _determine_rotation(local: FloatArray, world: FloatArray) -> bool:
-    """Whether vectors (n, 3) and what they become are not all on one line."""
+def _centred(vectors: FloatArray) -> FloatArray:
+    """Vectors (n, 3) about their middle."""
+    return np.asarray(vectors - vectors.mean(axis=0))
+
+
+def _spread(local: FloatArray, world: FloatArray) -> float:
+    """How far vectors (n, 3), and what they become, are from lying on one line: 0 on it."""
     singular = np.linalg.svd(world.T @ local, compute_uv=False)
-    return bool(singular[1] > _LEAST_SPREAD**2 * singular[0])
+    return float(singular[1] / singular[0]) if singular[0] > 0.0 else 0.0
 
 
 def _take_rotation(known: Known, station: int, rotation: FloatArray, step: Step) -> bool:

@@ -78,7 +78,7 @@ class AxisFoot(ObservationKind):
         return {"axis": site.shared(rows, "axis"), "origin": origins, "point": points}
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """The distance that makes it an angle."""
+        """The distance that makes it an angle, and is held as a sigma is: it is one, of the foot."""
         origins, points = site.positions(rows, coordinates)
         return np.asarray(np.maximum(np.linalg.norm(points - origins, axis=1), 1e-4))
 

@@ -31,6 +31,11 @@ class OfInstrument(ObservationKind):
         return True
 
     @property
+    def is_raised(self) -> bool:
+        """They do."""
+        return True
+
+    @property
     def depends_on_place(self) -> bool:
         """Its rows are made anew."""
         return True
@@ -45,24 +50,18 @@ class OfInstrument(ObservationKind):
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """Derivatives by both ends, and by the unknowns."""
         along = self.towards(site, rows, coordinates)[1]
-        turned = self.turned(site, rows, coordinates)
-        return np.hstack([turned - along, along, -self.shares(site, rows, coordinates)])
+        return np.hstack([-along, along, -self.shares(site, rows, coordinates)])
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """What makes the row that of the tangent there."""
         computed, along = self.towards(site, rows, coordinates)
         first, last = site.positions(rows, coordinates)
         here = np.einsum("ni,ni->n", along, last - first)
-        here += np.einsum("ni,ni->n", self.turned(site, rows, coordinates), first)
         return np.asarray(self.reading(site, rows, coordinates) - computed + here)
 
     def towards(self, site: Site, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,) computed values without the unknowns, and (n, 3) derivatives by the target."""
         raise NotImplementedError
-
-    def turned(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n, 3) derivatives by the origin through the plumb line, which turns with it."""
-        return np.zeros((len(rows), 3))
 
     def shares(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, k) what one unit of each unknown adds to what was read."""
@@ -81,11 +80,6 @@ class OfInstrument(ObservationKind):
 @dataclass(frozen=True)
 class CalibratedDistance(OfInstrument):
     """A slope distance of an instrument: true = read (1 + scale) + constant."""
-
-    @property
-    def moves_freely(self) -> bool:
-        """As the distance without unknowns."""
-        return self.plain is not None and self.plain.moves_freely
 
     def problem(self, value: float) -> str | None:
         """Distances are positive."""
@@ -134,13 +128,10 @@ class ZenithWithRefraction(OfInstrument):
         local = np.column_stack([east * up / flat, north * up / flat, -flat]) / square[:, None]
         return np.arctan2(flat, up), np.einsum("ni,nij->nj", local, axes)
 
-    def turned(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """What the up direction leans towards the target."""
-        axes, sights = site.verticals(rows, coordinates), self.sights(site, rows, coordinates)
-        east, north, _ = np.einsum("nij,nj->in", axes, sights)
-        flat = np.maximum(np.hypot(east, north), SHORTEST)
-        across = (north / flat)[:, None] * axes[:, 0] - (east / flat)[:, None] * axes[:, 1]
-        return np.asarray(np.einsum("ni,nij->nj", across, site.turns(rows, coordinates)))
+    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Of the refraction."""
+        coefficients = site.shared_values(rows, "refraction") - site.is_plane
+        return -coefficients * site.slopes_of_refraction(rows, coordinates)
 
     def shares(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The correction for a coefficient of 1."""
@@ -169,7 +160,7 @@ def _distance(
         with_unknowns=parts,
         takes_heights=False,
         is_line=False,
-        turns_freely=True,
+        is_plumb=plain.is_plumb,
     )
 
 

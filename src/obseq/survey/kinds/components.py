@@ -33,6 +33,11 @@ class ScaledComponent(ObservationKind):
         axes = np.tile(np.eye(3)[self.axis], (len(rows), 1))
         return np.hstack([site.offsets(rows, coordinates), axes])
 
+    @property
+    def is_raised(self) -> bool:
+        """They do."""
+        return True
+
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 1) what was read."""
         return site.measured(rows)[:, None]

@@ -29,6 +29,11 @@ class ZenithAngle(ObservationKind):
         """The refraction."""
         return site.refraction(rows, coordinates)[:, None]
 
+    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """Of the refraction."""
+        coefficient = site.refraction_coefficient - site.is_plane
+        return -coefficient * site.slopes_of_refraction(rows, coordinates)
+
     @property
     def is_refracted(self) -> bool:
         """It is."""
@@ -88,7 +93,7 @@ ANGLE = HorizontalAngle(
     "TopoAngle",
     is_angle=True,
     start=Start.ANGLE,
-    turns_freely=True,
+    is_plumb=True,
     takes_heights=False,
     is_line=False,
 )

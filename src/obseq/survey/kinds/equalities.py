@@ -21,7 +21,7 @@ class EqualHeightDifferences(ObservationKind):
 
     def is_linear(self, site: Site) -> bool:
         """In a plane they are differences of z."""
-        return site.has_heights_along_z
+        return site.is_plane
 
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """The unknown value, and both ends."""
@@ -29,20 +29,23 @@ class EqualHeightDifferences(ObservationKind):
         return {"rise": site.shared(rows, "rise"), "origin": origins, "target": targets}
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """What `DH` takes; in a plane the coefficients of the unknown and of z."""
+        """What `DH` takes; in a plane the coefficients of the unknown and of z.
+
+        Level surfaces slope by deflections along the line: the target is as much higher.
+        """
         context = DH.context(site, rows, coordinates)
-        return np.hstack([np.full((len(rows), 1), -1.0), context]) if site.has_heights_along_z else context
+        if site.is_plane:
+            return np.hstack([np.full((len(rows), 1), -1.0), context])
+        up = site.normals(rows, coordinates)[:, 2]
+        return np.hstack([-site.levelled(rows, coordinates)[:, None] * up, context])
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """Its formula takes no value; linear rows take that of curvature."""
-        if not site.has_heights_along_z:
-            return np.zeros((len(rows), 0))
-        return site.rise_of_curvature(rows, coordinates)[:, None]
+        """Its formula takes no value; linear rows take 0."""
+        return np.zeros((len(rows), int(site.is_plane)))
 
-    @property
-    def depends_on_place(self) -> bool:
-        """The curvature of the Earth does."""
-        return True
+    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """Of the deflections along the line."""
+        return DH.slopes(site, rows, coordinates)
 
     def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
         """The value, from the first pair."""
@@ -73,10 +76,11 @@ EQUAL_DH = EqualHeightDifferences(
     "EqualDH",
     21,
     "equal height difference",
-    "TopoDHParam",
+    "TopoDHParamOff",
     takes_heights=False,
     is_line=False,
     is_levelled=True,
+    needs_deflections=True,
 )
 EQUAL_DIST = EqualDistances(
     "EqualDist", 22, "equal distance", "Dist3DParam", takes_heights=False, is_line=False

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.kind import Site
 
 
-def curvatures(latitude: FloatArray) -> FloatArray:
+def curvatures(
+    latitude: FloatArray, radius: float = EQUATORIAL_RADIUS, squared: float = SQUARED_ECCENTRICITY
+) -> FloatArray:
     """(n, 2) radii of curvature along the parallel and along the meridian, at latitudes (n,)."""
-    inside = 1.0 - SQUARED_ECCENTRICITY * np.square(np.sin(latitude))
-    parallel = EQUATORIAL_RADIUS / np.sqrt(inside)
-    return np.column_stack([parallel, parallel * (1.0 - SQUARED_ECCENTRICITY) / inside])
+    inside = 1.0 - squared * np.square(np.sin(latitude))
+    parallel = radius / np.sqrt(inside)
+    return np.column_stack([parallel, parallel * (1.0 - squared) / inside])
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,11 @@ class GeocentricCoordinate(OfPlace):
 
     axis: int = 0
     is_component: bool = True
+
+    @property
+    def is_raised(self) -> bool:
+        """They do."""
+        return True
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The geocentric axis, in the frame."""
@@ -86,7 +93,7 @@ class Geodetic(OfPlace):
         axes = site.normals(rows, coordinates)[:, self.axis]
         if self.axis == 2:
             return axes
-        radii = curvatures(place[:, 1])[:, self.axis] + place[:, 2]
+        radii = curvatures(place[:, 1], *site.to_ground(rows)[-2:])[:, self.axis] + place[:, 2]
         if self.axis == 0:
             radii = radii * np.cos(place[:, 1])
         return np.asarray(axes / radii[:, None])
@@ -138,7 +145,7 @@ class EllipsoidChord(ObservationKind):
         """(n,) lengths, (n, 3) directions, and for each end (n, 3, 3) movement of the foot with the point."""
         feet, moves = [], []
         for place, axes, point in site.places(rows, coordinates):
-            radii = curvatures(place[:, 1])
+            radii = curvatures(place[:, 1], *site.to_ground(rows)[-2:])
             shares = np.column_stack([radii / (radii + place[:, 2:]), np.zeros(len(rows))])
             moves.append(np.einsum("nki,nk,nkj->nij", axes, shares, axes))
             feet.append(point - place[:, 2:] * axes[:, 2])

@@ -63,17 +63,6 @@ class Site(Protocol):
     def is_plane(self) -> bool:
         """Whether the frame is a plane with heights."""
 
-    @property
-    def has_heights_along_z(self) -> bool:
-        """Whether height differences are those of z: in a plane, and on a datum of its own.
-
-        There curvature is a correction of the value: else height differences would say where on the Earth a
-        network is, to some hundred metres.
-        """
-
-    def rise_of_curvature(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n,) differences of z minus those of heights; 0 in a plane."""
-
     def measured(self, rows: IntArray) -> FloatArray:
         """(n,) values as observed."""
 
@@ -135,8 +124,17 @@ class Site(Protocol):
     def verticals(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3, 3) rotations from the frame to east, north, up along the plumb lines of the first points."""
 
-    def turns(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(n, 3, 3) what these turn by when the first points move, in the frame (rad per m)."""
+    def slopes_of_levelled(self, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """(n, 6) derivatives of `levelled` by the two points; None where it does not depend on them."""
+
+    def slopes_of_refraction(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n, 6) derivatives of `refraction_of_one` by the two points."""
+
+    def slopes_of_grid(self, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """(n, 6) derivatives of minus the values of stations along the grid; None without such."""
+
+    def shared_values(self, rows: IntArray, part: str) -> FloatArray:
+        """(n, m) present values of the unknowns that `shared` names."""
 
     def offsets(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) offsets of the targets above their points minus those of the instruments (m)."""
@@ -185,8 +183,7 @@ class ObservationKind:
         is_from_north: Whether it is an angle from north: it orients a network, and says nothing of its shape.
         is_of_circle: Whether it is read on the circle of an instrument, from a zero of the set-up.
         is_combination: Whether it combines the coordinates of many points, with weights of its own.
-        turns_freely: Whether, without axes of an instrument, it stays the same when a network turns about
-            the vertical.
+        is_plumb: Whether, without an instrument, it is in the horizon of its first point.
         plain: The kind that becomes this one where a user asks for its unknowns; None for any other.
         with_unknowns: These unknowns, by the names of `estimating`.
         horizontal: The kind that it is where horizontal values were written for it; None if there is none.
@@ -211,7 +208,7 @@ class ObservationKind:
     is_from_north: bool = False
     is_of_circle: bool = False
     is_combination: bool = False
-    turns_freely: bool = False
+    is_plumb: bool = False
     plain: ObservationKind | None = field(default=None, compare=False, repr=False)
     with_unknowns: tuple[str, ...] = ()
     horizontal: ObservationKind | None = field(default=None, compare=False, repr=False)
@@ -228,9 +225,18 @@ class ObservationKind:
         return "rad" if self.is_angle else "m"
 
     @property
-    def moves_freely(self) -> bool:
-        """Whether it stays the same when a network moves over the Earth, its plumb lines with it."""
-        return self.needs_station or self.horizontal is not None
+    def has_axes(self) -> bool:
+        """Whether it is in axes that turn with the plumb line of its first point."""
+        return self.needs_station or self.is_plumb
+
+    @property
+    def is_raised(self) -> bool:
+        """Whether heights of instrument and target move its ends."""
+        return self.takes_heights
+
+    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """(n, 6) derivatives of its residual by both points through context and value; None for none."""
+        return site.slopes_of_grid(rows, coordinates)
 
     @property
     def places_in_plan(self) -> bool:

@@ -59,23 +59,22 @@ class HeightDifference(ObservationKind):
 
     def is_linear(self, site: Site) -> bool:
         """In a plane it is a difference of z."""
-        return site.has_heights_along_z
+        return site.is_plane
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """R and T to the axes of the ellipsoid, and its shape; in a plane the coefficients of z."""
-        if site.has_heights_along_z:
+        if site.is_plane:
             return np.tile((0.0, 0.0, -1.0, 0.0, 0.0, 1.0), (len(rows), 1))
         return np.tile(site.to_ground(rows), (len(rows), 1))
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """Between the points, along the vertical of the frame."""
-        values = site.levelled(rows, coordinates)
-        return values + site.rise_of_curvature(rows, coordinates) if site.has_heights_along_z else values
+        return site.levelled(rows, coordinates)
 
-    @property
-    def depends_on_place(self) -> bool:
-        """The curvature of the Earth does."""
-        return True
+    def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
+        """Of the deflections along the line."""
+        slopes = site.slopes_of_levelled(rows, coordinates)
+        return None if slopes is None else -slopes
 
 
 DH = HeightDifference(
@@ -86,7 +85,6 @@ DH = HeightDifference(
     start=Start.RISE,
     takes_heights=False,
     is_levelled=True,
-    turns_freely=True,
     needs_deflections=True,
 )
 DIST_HZ0 = ReducedDistance(
@@ -98,8 +96,6 @@ DIST_HZ = HorizontalDistance(
     "horizontal distance",
     "TopoDistHz",
     start=Start.FLAT,
-    turns_freely=True,
+    is_plumb=True,
 )
-DIST = Distance(
-    "Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE, turns_freely=True, horizontal=DIST_HZ
-)
+DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE, horizontal=DIST_HZ)

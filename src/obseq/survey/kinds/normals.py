@@ -52,5 +52,4 @@ NORMAL_ROW = NormalRow(
     takes_heights=False,
     is_line=False,
     is_combination=True,
-    turns_freely=True,  # or not: `normal_rows_turn` looks at their numbers
 )

@@ -29,6 +29,11 @@ class VectorComponent(ObservationKind):
         """The frame only turns it."""
         return True
 
+    @property
+    def is_raised(self) -> bool:
+        """They do."""
+        return True
+
     def direction(self, site: Site, rows: IntArray) -> FloatArray:
         """(3,) its axis, in the frame."""
         return np.asarray(np.eye(3)[self.axis])

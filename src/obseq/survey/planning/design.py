@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from obseq.arguments import FUNCTION, NOTHING, NUMBER, SEED, TRUTH, WHOLE, WORDS, expecting, instance
 from obseq.dataclass import dataclass
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from obseq.arrays import BoolArray
+    from obseq.records.adjustment import AdjustmentRecord
     from obseq.records.plan import DrawsRecord
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
@@ -89,7 +91,7 @@ class Plan:
     def record(self, most: int = WEAKEST) -> PlanRecord:
         """What the result file holds and the summary prints."""
         return PlanRecord(
-            adjustment=self.adjustment.record(),
+            adjustment=_unmeasured(self.adjustment.record()),
             weakest_points=self.weakest_points(most),
             weakest_observations=self.weakest_observations(most),
             gains=self.gains[:most],
@@ -161,6 +163,35 @@ def plan(
     if draws and not adjustment.left_out:
         check = compared(draw(simulation, draws, seed, progress), adjustment, seed)
     return Plan(adjustment, tuple(ranked), count, check, network)
+
+
+def _unmeasured(record: AdjustmentRecord) -> AdjustmentRecord:
+    """The record without residuals and what is judged by them: exact observations have none."""
+    return structs.replace(
+        record,
+        planned=True,
+        sigma0=None,
+        variance_factor=None,
+        global_test=None,
+        suspicion=None,
+        types=None,
+        setups=None,
+        joint=(),
+        constraints=(),
+        iterations=(),
+        points=tuple(structs.replace(point, moved=None) for point in record.points),
+        observations=tuple(
+            structs.replace(
+                row,
+                residual=None,
+                normalised_residual=None,
+                standardised_residual=None,
+                tau=None,
+                blunder=None,
+            )
+            for row in record.observations
+        ),
+    )
 
 
 def _notes(given: Network) -> list[str]:

@@ -1,0 +1,182 @@
+"""The motions of a network that its equations do not determine: free ones, and loose ones.
+
+A part of a network moves as a rigid whole, or changes its scale, and its instruments with it. What no
+equation sees of that is free. What equations see through the curvature of the Earth alone is loose where its
+standard deviation is beyond a share of the size of the network. The rest is determined (docs/statistics.md,
+"Free, loose and determined motions").
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import SingularMatrixError, SingularSystemError
+from obseq.leastsquares.assembly.evaluation import jacobian_rows
+from obseq.leastsquares.diagnosis.singular import undetermined_error
+from obseq.leastsquares.solvers import choose_solver
+from obseq.survey.adjustment.frame import MEAN_RADIUS
+
+if TYPE_CHECKING:
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.leastsquares import LeastSquares
+    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.problem.batches import Batch
+
+UNDETERMINED = 0.01
+"""Standard deviation of a motion, as a share of the size of the network, from which it is not determined."""
+DIRECT = 1e-3
+"""Share of what an equation sees of single points from which it sees a motion: less may be a misclosure."""
+ALIKE = 1e-10
+"""Share, squared, of what sets a motion apart from others, below which it is none of its own."""
+HELD = 1e12
+"""What the diagonal of the normal matrix is multiplied by to hold points."""
+
+
+@dataclass(frozen=True, eq=False)
+class LooseMotions:
+    """Independent motions of a network.
+
+    Attributes:
+        points: (n_points, 3, k) of the points.
+        unknowns: (n_free, k) of the free unknowns of the normal equations.
+    """
+
+    points: FloatArray
+    unknowns: FloatArray
+
+
+def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
+    """The motions that are free or loose at the current values.
+
+    Args:
+        system: The equations.
+        points: (n_points,) blocks of the points.
+
+    Raises:
+        SingularSystemError: no equation touches some unknowns.
+    """
+    normal = system.equations()
+    table, places = normal.table, normal.table.start[points][:, None] + np.arange(3)
+    numbers, coordinates = normal.free.number[places], table.values[places]
+    moves, extent = _similarities(coordinates, _parts(normal, numbers))
+    moves[numbers < 0] = 0.0
+    unknowns, is_place = np.zeros((normal.pattern.n, moves.shape[2])), np.zeros(normal.pattern.n, np.bool_)
+    unknowns[numbers[numbers >= 0]], is_place[numbers[numbers >= 0]] = moves[numbers >= 0], True
+    try:
+        unknowns = _with_others(normal, unknowns, is_place)
+    except SingularMatrixError:  # with all points known, others are undetermined: no motion is to blame
+        return LooseMotions(moves[:, :, :0], unknowns[:, :0])
+    seen, weighted = _seen(normal, unknowns, is_place)
+    size = np.einsum("pik,pil->kl", moves, moves) / len(moves)
+    chosen, _ = _modes(seen, size)
+    most = np.abs(seen @ chosen).max(axis=0, initial=0.0)
+    chosen = chosen[:, most <= max(DIRECT, 2.0 * extent / MEAN_RADIUS)]
+    turned, weakest = _modes(weighted @ chosen, chosen.T @ size @ chosen)
+    chosen = chosen @ turned[:, weakest * UNDETERMINED * extent < 1.0]
+    return LooseMotions(moves @ chosen, unknowns @ chosen)
+
+
+def loose_error(system: LeastSquares, points: IntArray) -> SingularSystemError | None:
+    """The error for motions that are free or loose; None where there are none. Arguments as of the latter."""
+    found = loose_motions(system, points).unknowns
+    if not found.shape[1]:
+        return None
+    normal = system.equations()
+    return undetermined_error(normal.table, normal.free, normal.pattern, np.linalg.qr(found)[0])
+
+
+def size_of(coordinates: FloatArray) -> float:
+    """Size of a network of points (n, 3): twice the farthest of them from their middle."""
+    arms = coordinates - coordinates.mean(axis=0)
+    return 2.0 * float(np.linalg.norm(arms, axis=1).max())
+
+
+def _parts(normal: NormalEquations, numbers: IntArray) -> IntArray:
+    """(n_points,) the part of each point, -1 where all of it is held: parts share points or instruments."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    table, pattern = normal.table, normal.pattern
+    block = np.repeat(np.arange(len(table)), table.size)[normal.free.scalars]
+    rows, columns = block[pattern.indices], block[pattern.columns()]
+    joins = (table.size[rows] == 3) & (table.size[columns] == 3)
+    graph = coo_array((np.ones(joins.sum()), (rows[joins], columns[joins])), shape=(len(table),) * 2)
+    labels = connected_components(graph, directed=False)[1]
+    first = numbers.max(axis=1)
+    _, found = np.unique(labels[block[first[first >= 0]]], return_inverse=True)
+    parts = np.full(len(numbers), -1)
+    parts[first >= 0] = found
+    return parts
+
+
+def _similarities(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray, float]:
+    """(n, 3, 7 k) shifts, turns and change of scale of each part, about its middle; size of the largest."""
+    count, found, extent = int(parts.max(initial=-1)) + 1, [np.zeros((*coordinates.shape, 0))], 0.0
+    for part in range(count):
+        own = parts == part
+        arms = np.where(own[:, None], coordinates - coordinates[own].mean(axis=0), 0.0)
+        extent = max(extent, size_of(coordinates[own]))
+        shifts = own[:, None, None] * np.eye(3)
+        turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
+        found.append(np.concatenate([shifts, turns, arms[:, :, None]], axis=2))
+    return np.concatenate(found, axis=2), extent
+
+
+def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:
+    """Motions (n_free, k) of points with what the other unknowns make of them: as little as they can.
+
+    Raises:
+        SingularMatrixError: the others are undetermined.
+    """
+    values, diagonal = normal.assemble(viscous=False).values.copy(), normal.pattern.diagonal
+    held = np.where(is_place, HELD * values[diagonal], 0.0)
+    values[diagonal] += held
+    solver = choose_solver(normal.pattern)
+    solver.analyse(normal.pattern)
+    solver.factor(values)
+    return np.asarray(solver.solve(held[:, None] * unknowns))
+
+
+def _seen(
+    normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """(m, k) what equations see of motions, as shares of what they see of points; the same over sigmas."""
+    shares, weighted = [np.zeros((0, unknowns.shape[1]))], [np.zeros((0, unknowns.shape[1]))]
+    for batch in (*normal.batches, *normal.constraints):
+        moved, alone = _moved(normal, batch, unknowns, is_place)
+        sees = batch.active & (alone > 0.0)
+        shares.append(moved[sees] / alone[sees, None])
+        if batch.clusters is not None:
+            weighted.append(batch.whitening_matrix() @ moved)
+        elif batch not in normal.constraints:
+            weighted.append(moved * batch.weights[0, : batch.n, None])
+    return np.concatenate(shares), np.concatenate(weighted)
+
+
+def _moved(
+    normal: NormalEquations, batch: Batch, unknowns: FloatArray, is_place: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n, k) changes of residuals by motions, and (n,) the lengths of their derivatives by points."""
+    derivatives, numbers = jacobian_rows(normal.table, batch)[1:], normal.free.number[batch.scalars()]
+    derivatives = np.where(numbers >= 0, derivatives, 0.0)
+    moved = np.einsum("cn,cnk->nk", derivatives, unknowns[numbers])
+    return moved, np.linalg.norm(derivatives * is_place[numbers], axis=0)
+
+
+def _modes(seen: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(k, q) combinations of motions of root mean square 1, and (q,) what is seen of each.
+
+    Args:
+        seen: (m, k) what equations see of the motions.
+        size: (k, k) mean products of the motions.
+    """
+    scale = np.sqrt(np.diag(size))
+    scale = np.where(scale > 0.0, scale, np.inf)
+    lengths, axes = np.linalg.eigh(size / np.outer(scale, scale))
+    apart = lengths > ALIKE
+    basis = axes[:, apart] / np.sqrt(lengths[apart]) / scale[:, None]
+    _, values, turned = np.linalg.svd(np.vstack([seen @ basis, np.zeros((basis.shape[1],) * 2)]), False)
+    return basis @ turned.T, values

@@ -1,0 +1,324 @@
+"""Targets of an image: candidates at all levels, codes read, and each confirmed by the fit of its drawing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.targets.candidates import find_discs, find_spots
+from obseq.targets.chequers import chequered_disc, read_bits
+from obseq.targets.distortion import with_one_distortion
+from obseq.targets.drawings import bit_places
+from obseq.targets.levels import levels_of
+from obseq.targets.measuring import Drawings, fit_drawing
+from obseq.targets.rings import Reading, Unread, read_ring, spot_ellipse
+from obseq.targets.specification import extent
+from obseq.targets.zones import worst_zone
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
+    from obseq.targets.levels import Level
+    from obseq.targets.measuring import Fit, Placed
+    from obseq.targets.specification import Specification
+
+LIKE = 0.85
+"""Share of the grey variance, but for noise, that the drawing of a target explains at least."""
+FIGURE_LIKE = 0.75
+"""And that the drawing of its central figure explains, before its code is read."""
+ODD = 0.3
+"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing."""
+SPOT_LIKE = 0.97
+"""And the edge of a spot without code: of a square spot the drawing of a disc explains 0.96 at most."""
+FLAT = 1e7
+"""Focal length for spots, pixels: one says nothing of its perspective, what is measured is its ellipse."""
+INSIDE = 0.6
+"""Half widths of a sheet within which nothing else is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A target that was found.
+
+    Attributes:
+        name: of the specification; empty for a spot without code.
+        family: of its set.
+        fit: of its drawing: place, covariance, light.
+        margins: (bits,) distance of each bit from the middle, in half contrasts; none without code.
+        corrected: bits that were read otherwise.
+        ellipse: (2,) centre of the ellipse that the central figure's edge is in the image, pixels.
+        oddest: largest difference of a part of it from the drawing, in contrasts.
+        width: what is called its size, units: across its code, or the height of a sheet with rows.
+    """
+
+    name: str
+    family: str
+    fit: Fit
+    margins: FloatArray
+    corrected: int
+    ellipse: FloatArray
+    oddest: float
+    width: float
+
+    @property
+    def size(self) -> float:
+        """Pixels across its code, as seen from the front."""
+        return self.width * float(np.linalg.svd(self.fit.placed.matrix, compute_uv=False)[0])
+
+    @property
+    def centre(self) -> FloatArray:
+        """(2,) image of the centre, pixels."""
+        return self.fit.placed.centre
+
+    @property
+    def covariance(self) -> FloatRows:
+        """(2, 2) pixels squared."""
+        return self.fit.covariance
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the target's normal and the ray, radians, from how its figure is shortened."""
+        values = np.linalg.svd(self.fit.placed.matrix, compute_uv=False)
+        return math.acos(min(1.0, float(values[1] / values[0])))
+
+
+@dataclass(frozen=True, eq=False)
+class Refusal:
+    """Something that looked like a target and was refused.
+
+    Attributes:
+        x: pixels.
+        y: pixels.
+        stage: what was looked at.
+        value: what was found.
+        limit: what it had to reach.
+    """
+
+    x: float
+    y: float
+    stage: str
+    value: float
+    limit: float
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The targets of an image.
+
+    Attributes:
+        targets: with their names, by name.
+        uncoded: spots without code.
+        refused: what looked like a target.
+    """
+
+    targets: list[Target]
+    uncoded: list[Target]
+    refused: list[Refusal]
+
+
+class Finder:
+    """Looks for the targets of some sets.
+
+    Args:
+        specs: the sets; their names differ.
+        focal: focal length of the camera, pixels; by default the longer side of an image.
+        uncoded: whether spots without code are measured too.
+    """
+
+    def __init__(
+        self, specs: Sequence[Specification], *, focal: float | None = None, uncoded: bool = False
+    ) -> None:
+        self.focal, self.uncoded = focal, uncoded
+        self._sets = [_Set(spec) for spec in specs]
+
+    def find(self, image: Array) -> Found:
+        """The targets of an image (height, width) of grey levels."""
+        levels = levels_of(image)
+        search = _Search(image, self.focal or float(max(image.shape)), self.uncoded, levels[0].noise)
+        for level in reversed(levels):
+            for sign in (1.0, -1.0):
+                rings = [one for one in self._sets if one.sign == sign and not one.is_chequered]
+                chequers = [one for one in self._sets if one.sign == sign and one.is_chequered]
+                if rings:
+                    search.rings(level, rings, sign)
+                if chequers:
+                    search.chequers(level, chequers, sign)
+        return search.found()
+
+
+class _Set:
+    """A specification, with what is made of it once."""
+
+    def __init__(self, spec: Specification) -> None:
+        self.spec = spec
+        self.drawings = Drawings(spec)
+        self.places = bit_places(spec)
+        self.is_chequered = spec.geometry.is_chequered
+        self.sign = 1.0 if spec.geometry.is_white == self.is_chequered else -1.0
+        """1 where a white sheet has black quadrants, or a black one white spots."""
+
+
+class _Search:
+    """The search of one image."""
+
+    def __init__(self, image: Array, focal: float, uncoded: bool, noise: float) -> None:
+        self.noise = noise
+        self.image, self.focal, self.uncoded = image, focal, uncoded
+        self.targets: list[Target] = []
+        self.plain: list[Target] = []
+        self.refused: list[Refusal] = []
+        self._taken = np.empty((0, 3))
+
+    def rings(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
+        """Looks for ring targets."""
+        candidates = find_spots(level, sign)
+        for spot in self._free(level, candidates):
+            ellipse = spot_ellipse(self.image, level, spot, sign)
+            if ellipse is None:
+                continue
+            levels = float(spot[5]), float(spot[6])
+            readings = [read_ring(self.image, one.spec, ellipse, levels, sign) for one in sets]
+            if any(
+                self._confirmed(one, [reading])
+                for one, reading in zip(sets, readings, strict=True)
+                if isinstance(reading, Reading)
+            ):
+                continue
+            last = readings[-1]
+            if isinstance(last, Unread):
+                self._refuse(ellipse, last)
+            if self.uncoded:
+                self._measure_spot(sets[0], ellipse)
+
+    def chequers(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
+        """Looks for chequered targets."""
+        for in_rows in (False, True):
+            alike = [one for one in sets if one.spec.geometry.in_rows == in_rows]
+            if not alike:
+                continue
+            for disc in self._free(level, find_discs(level, sign, in_rows)):
+                for one in alike:
+                    if self._chequered(level, one, disc):
+                        break
+
+    def _chequered(self, level: Level, one: _Set, found: FloatArray) -> bool:
+        disc = chequered_disc(level, one.spec, found)
+        if disc is None:
+            return False
+        fit = fit_drawing(self.image, one.drawings, -1, disc, focal=self.focal, whole=False, most_steps=6)
+        if fit is None or fit.gain * one.sign > 0.0:
+            return False
+        if fit.likeness_with(self.noise) < FIGURE_LIKE:
+            self._refuse(fit.placed, Unread("figure: likeness to the drawing", fit.likeness, FIGURE_LIKE))
+            return False
+        if self._is_taken(fit.placed.centre):
+            return True
+        readings = read_bits(self.image, one.spec, one.places, fit)
+        if isinstance(readings, Unread):
+            self._refuse(fit.placed, readings)
+            return False
+        return self._confirmed(one, readings)
+
+    def _confirmed(self, one: _Set, readings: Sequence[Reading]) -> bool:
+        """Whether the drawing of one of the targets that were read fits the image; the best is kept then."""
+        best: tuple[Reading, Fit] | None = None
+        for reading in readings:
+            fit = fit_drawing(self.image, one.drawings, reading.code, reading.placed, focal=self.focal)
+            if fit is not None and (best is None or fit.likeness > best[1].likeness):
+                best = reading, fit
+        if best is None:
+            self._refuse(readings[0].placed, Unread("drawing: fits inside the image", 0.0, 1.0))
+            return False
+        reading, fit = best
+        if self._is_taken(fit.placed.centre):
+            return True
+        likeness, oddest = fit.likeness_with(self.noise), worst_zone(one.spec, fit)
+        if likeness < LIKE:
+            self._refuse(fit.placed, Unread(f"{reading.name}: likeness", likeness, LIKE))
+        elif oddest > ODD:
+            self._refuse(fit.placed, Unread(f"{reading.name}: a part differs", oddest, ODD))
+        else:
+            self.targets.append(_target(one, reading, fit, oddest))
+            self._take(fit, one.spec.geometry.radii[3])
+            return True
+        return False
+
+    def _measure_spot(self, one: _Set, ellipse: Placed) -> None:
+        fit = fit_drawing(self.image, one.drawings, -1, ellipse, focal=FLAT, whole=False)
+        if fit is None or fit.likeness_with(self.noise) < SPOT_LIKE or self._is_taken(fit.placed.centre):
+            return
+        reading = Reading(ellipse, "", -1, np.empty(0))
+        self.plain.append(_target(one, reading, fit, 0.0))
+        self._take(fit, 1.5)
+
+    def _free(self, level: Level, candidates: FloatRows) -> Iterator[FloatArray]:
+        """Candidates that no target covers."""
+        places = level.in_image(candidates[:, :2])
+        away = ~_covered(self._taken, places) if len(self._taken) else np.ones(len(places), dtype=bool)
+        known = len(self._taken)
+        for candidate, place in zip(candidates[away], places[away], strict=True):
+            if not _covered(self._taken[known:], place[None])[0]:
+                yield candidate
+
+    def _is_taken(self, place: FloatArray) -> bool:
+        return bool(_covered(self._taken, place[None])[0])
+
+    def _take(self, fit: Fit, half_width: float) -> None:
+        reach = INSIDE * half_width * fit.placed.unit
+        self._taken = np.vstack((self._taken, [*fit.placed.centre, reach]))
+
+    def _refuse(self, placed: Placed, why: Unread) -> None:
+        x, y = placed.centre.tolist()
+        self.refused.append(Refusal(x, y, why.stage, why.value, why.limit))
+
+    def found(self) -> Found:
+        """What was found; of two targets of one name, that whose drawing fits better."""
+        best: dict[str, Target] = {}
+        for target in sorted(self.targets, key=lambda target: -target.fit.likeness):
+            other = best.setdefault(target.name, target)
+            if other is not target:
+                why = Unread(
+                    f"{target.name}: likeness, less than another's", target.fit.likeness, other.fit.likeness
+                )
+                self._refuse(target.fit.placed, why)
+        fits = with_one_distortion([one.fit for one in self.targets], self.image.shape, self.focal)
+        better = {id(one): replace(one, fit=fit) for one, fit in zip(self.targets, fits, strict=True)}
+        best = {name: better[id(one)] for name, one in best.items()}
+        refused = [one for one in self.refused if not self._is_taken(np.array([one.x, one.y]))]
+        return Found([best[name] for name in sorted(best)], self.plain, refused)
+
+
+def _covered(taken: FloatRows, places: FloatRows) -> BoolArray:
+    """(n,) which places are inside one of the targets (k, 3): centre and reach."""
+    away = np.hypot(places[:, :1] - taken[:, 0], places[:, 1:] - taken[:, 1])
+    return np.asarray((away < taken[:, 2]).any(axis=1))
+
+
+def _target(one: _Set, reading: Reading, fit: Fit, oddest: float) -> Target:
+    ellipse = ellipse_centre(fit.placed)
+    return Target(
+        reading.name,
+        one.spec.family,
+        fit,
+        reading.margins,
+        reading.corrected,
+        ellipse,
+        oddest,
+        extent(one.spec),
+    )
+
+
+def ellipse_centre(placed: Placed) -> FloatArray:
+    """(2,) centre of the image of the unit circle, pixels: that of the circle moves off with the perspective.
+
+    The circle's dual conic is diag(1, 1, -1); its image's centre is the pole of the line at infinity.
+    """
+    g = placed.perspective
+    away = placed.matrix @ g / (1.0 - float(g @ g))
+    found: FloatArray = placed.centre - away
+    return found

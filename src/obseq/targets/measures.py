@@ -1,0 +1,204 @@
+"""Targets of images as measures: a table, files of MMVII, and points for an adjustment."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.errors import InputError
+from obseq.images import ImagePoints
+from obseq.project.tree import tree_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from obseq.arrays import FloatArray, FloatRows
+    from obseq.project.tree import Tree
+    from obseq.targets.finding import Found, Target
+
+UNCODED = "NONE"
+"""What the names of spots without code begin with, as in MMVII."""
+COLUMNS = (
+    *("image", "point", "x", "y", "sxx", "sxy", "syy"),
+    *("family", "centre", "size_px", "tilt_deg", "blur_px", "contrast", "likeness", "sigma0"),
+    *("least_margin", "corrected_bits"),
+)
+"""Columns of the table; variances in pixels squared. `centre` is true, or that of the ellipse: of
+spots without code it always is."""
+TRUE, ELLIPSE = "true", "ellipse"
+DIGITS = 6
+"""Of the running number of a spot without code."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """A row of the table: a point in an image.
+
+    Attributes:
+        image: its name.
+        point: name of the target; `NONE_...` for a spot without code.
+        xy: (2,) pixels.
+        covariance: (2, 2) pixels squared.
+    """
+
+    image: str
+    point: str
+    xy: FloatArray
+    covariance: FloatRows
+
+
+def named(found: Found) -> list[tuple[str, Target]]:
+    """All targets of an image with their names; spots without code are numbered from the upper left."""
+    plain = sorted(
+        found.uncoded, key=lambda target: (round(float(target.centre[1])), float(target.centre[0]))
+    )
+    return [(target.name, target) for target in found.targets] + [
+        (f"{UNCODED}_{number:0{DIGITS}d}", target) for number, target in enumerate(plain)
+    ]
+
+
+def place_of(target: Target, of_ellipse: bool) -> FloatArray:
+    """(2,) the centre that is written, pixels."""
+    return target.ellipse if of_ellipse else target.centre
+
+
+def table_text(found: Mapping[str, Found], *, of_ellipse: bool = False) -> str:
+    """The table of the targets of images, CSV.
+
+    Args:
+        found: by the names of the images.
+        of_ellipse: write the centres of ellipses, as other programs do, and not the true ones.
+    """
+    stream = io.StringIO()
+    rows = csv.writer(stream, lineterminator="\n")
+    rows.writerow(COLUMNS)
+    for image, one in found.items():
+        for name, target in named(one):
+            rows.writerow(_row(image, name, target, of_ellipse))
+    return stream.getvalue()
+
+
+def _row(image: str, name: str, target: Target, of_ellipse: bool) -> list[str]:
+    x, y = place_of(target, of_ellipse)
+    c, placed = target.covariance, target.fit.placed
+    margin = float(np.abs(target.margins).min()) if len(target.margins) else math.nan
+    return [
+        image,
+        name,
+        f"{x:.4f}",
+        f"{y:.4f}",
+        *(f"{value:.4e}" for value in (c[0, 0], c[0, 1], c[1, 1])),
+        target.family,
+        ELLIPSE if of_ellipse or not target.name else TRUE,
+        f"{target.size:.1f}",
+        f"{math.degrees(target.tilt):.0f}",
+        f"{placed.sigma:.2f}",
+        f"{abs(target.fit.gain):.1f}",
+        f"{target.fit.likeness:.4f}",
+        f"{target.fit.sigma0:.2f}",
+        f"{margin:.2f}" if math.isfinite(margin) else "",
+        str(target.corrected),
+    ]
+
+
+def refusals_text(found: Mapping[str, Found]) -> str:
+    """What looked like a target and was refused, with the reason, CSV."""
+    stream = io.StringIO()
+    rows = csv.writer(stream, lineterminator="\n")
+    rows.writerow(["image", "x", "y", "what", "value", "limit"])
+    for image, one in found.items():
+        for refusal in one.refused:
+            limit = f"{refusal.limit:.3g}" if math.isfinite(refusal.limit) else ""
+            place = f"{refusal.x:.1f}", f"{refusal.y:.1f}"
+            rows.writerow([image, *place, refusal.stage, f"{refusal.value:.6g}", limit])
+    return stream.getvalue()
+
+
+def mmvii_text(image: str, measures: Sequence[Measure]) -> str:
+    """The file `MesIm-<image>.xml`: names, places, and variances (the original writes 1 0 1)."""
+    entries: list[Tree] = [
+        {
+            "Name": one.point,
+            "Pt": (float(one.xy[0]), float(one.xy[1])),
+            "Sigma2": tuple(float(one.covariance[k]) for k in ((0, 0), (0, 1), (1, 1))),
+        }
+        for one in sorted(measures, key=lambda one: one.point)
+    ]
+    return tree_text("SetMesIm", {"NameIm": image, "Measures": entries})
+
+
+def measures_of(found: Mapping[str, Found], *, of_ellipse: bool = False) -> list[Measure]:
+    """The targets of images as rows of the table."""
+    return [
+        Measure(image, name, place_of(target, of_ellipse), target.covariance)
+        for image, one in found.items()
+        for name, target in named(one)
+    ]
+
+
+def image_points(measures: Sequence[Measure]) -> ImagePoints:
+    """Measures as an adjustment takes them, with their sigmas; spots without code are left out."""
+    coded = [one for one in measures if not one.point.startswith(UNCODED)]
+    if not coded:
+        raise InputError("targets: there are no named measures")
+    sigmas = np.sqrt([np.diag(one.covariance) for one in coded])
+    return ImagePoints.of(
+        [one.image for one in coded],
+        [one.point for one in coded],
+        np.array([one.xy for one in coded]),
+        sigmas,
+    )
+
+
+def measures_text(measures: Sequence[Measure]) -> str:
+    """The first columns of the table alone, CSV."""
+    stream = io.StringIO()
+    rows = csv.writer(stream, lineterminator="\n")
+    rows.writerow(COLUMNS[:7])
+    for one in measures:
+        x, y = one.xy
+        c = one.covariance
+        variances = (f"{value:.4e}" for value in (c[0, 0], c[0, 1], c[1, 1]))
+        rows.writerow([one.image, one.point, f"{x:.4f}", f"{y:.4f}", *variances])
+    return stream.getvalue()
+
+
+def read_table(path: str | Path) -> list[Measure]:
+    """The measures of a table that was written here.
+
+    Raises:
+        InputError: with the line and the column that is wrong.
+    """
+    place = Path(path)
+    try:
+        text = place.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{place}: there is no such file; check the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{place}: cannot be read: {error}") from None
+    rows = csv.reader(io.StringIO(text))
+    head = next(rows, [])
+    wanted = COLUMNS[:7]
+    if missing := [column for column in wanted if column not in head]:
+        raise InputError(f"{place}: has no column {missing[0]}; give a table of `obseq targets find --csv`")
+    columns = [head.index(column) for column in wanted]
+    return [_measure(f"{place}:{number}", row, columns) for number, row in enumerate(rows, 2) if row]
+
+
+def _measure(where: str, row: Sequence[str], columns: Sequence[int]) -> Measure:
+    if len(row) <= max(columns):
+        raise InputError(f"{where}: has {len(row)} fields where the table has more")
+    image, point, *words = (row[column] for column in columns)
+    try:
+        x, y, sxx, sxy, syy = map(float, words)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from None
+    if not np.isfinite([x, y, sxx, sxy, syy]).all() or sxx <= 0.0 or syy <= 0.0 or sxx * syy < sxy**2:
+        raise InputError(f"{where}: point {point}: the place or its variances are no possible numbers")
+    return Measure(image, point, np.array([x, y]), np.array([[sxx, sxy], [sxy, syy]]))

@@ -1,0 +1,156 @@
+"""Targets that are found: all of them, under their names, to hundredths of a pixel, with true sigmas."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from obseq.images import Camera
+from obseq.targets import Conditions, Finder, Sheet, eccentricity, made, photograph, read_picture
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "targets"
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data/targets is absent")
+SETS = {"dev_1": ["IGNIndoor"], "dev_2": ["CERN", "IGNIndoor"], "dev_3": ["IGNDroneSym"]}
+
+
+@needs_data
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETS)
+def test_scenes_are_measured_to_hundredths_of_a_pixel(name: str) -> None:
+    truth = json.loads((DATA / "dev" / f"{name}.json").read_text(encoding="utf-8"))
+    found = Finder([made(family, choice="present") for family in SETS[name]]).find(
+        read_picture(DATA / "dev" / truth["image"]).grey
+    )
+    known = {one["name"]: one for one in truth["targets"] if one["role"] in ("coded", "occluded")}
+    places = {target.name: target.centre for target in found.targets}
+    assert {name for name, one in known.items() if one["role"] == "coded"} <= places.keys()
+    errors = [
+        places[name] - [known[name]["x"], known[name]["y"]] for name in places
+    ]  # a false name: KeyError
+    assert math.sqrt(np.mean(np.sum(np.square(errors), axis=1))) < 0.015
+    ratios = [
+        error @ np.linalg.solve(target.covariance, error) / 2.0
+        for error, target in zip(errors, found.targets, strict=True)
+    ]
+    assert 1.5**-2 < np.mean(ratios) < 1.5**2
+
+
+@needs_data
+@pytest.mark.slow
+def test_targets_of_a_photograph_have_the_names_that_are_known() -> None:
+    grey = read_picture(DATA / "real" / "mmvii_panel_aicon14.jpg").grey
+    names = {target.name for target in Finder([made("CERN")]).find(grey).targets}
+    assert {"046", "072", "073", "074"} <= names
+
+
+@needs_data
+def test_targets_on_a_car_have_names_that_the_original_does_not_give() -> None:
+    """Ten bits, chequers upright; the two that the original names are drawn over in the picture."""
+    spec = made("IGNDroneSym", 10)
+    spec = replace(spec, geometry=replace(spec.geometry, angle=0.0))
+    grey = read_picture(DATA / "real" / "mmvii_training3_car_result.jpg").grey
+    assert {target.name for target in Finder([spec]).find(grey).targets} == {"10", "11"}
+
+
+@pytest.mark.parametrize("family", ["CERN", "IGNIndoor", "IGNDroneSym", "IGNDroneTop"])
+def test_each_family_is_found_and_measured(family, sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    image, truths = scene(camera, [sets[family]])
+    found = {target.name: target for target in Finder([sets[family]]).find(image).targets}
+    assert found.keys() == {one.name for one in truths}
+    for one in truths:
+        error = found[one.name].centre - one.centre
+        assert error @ np.linalg.solve(found[one.name].covariance, error) < 18.4  # 1 of 10000
+        assert math.hypot(*error) < 0.05
+        assert found[one.name].size == pytest.approx(one.size, rel=0.1)
+
+
+def test_two_sets_in_one_image_are_told_apart(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    specs = [sets["CERN"], sets["IGNIndoor"]]
+    image, truths = scene(camera, specs, count=8, seed=4)
+    found = Finder(specs).find(image)
+    assert {(target.name, target.family) for target in found.targets} == {
+        (one.name, one.family) for one in truths
+    }
+
+
+def test_the_centre_is_that_of_the_circle_not_of_its_ellipse() -> None:
+    """A disc of 40 pixels at 45 degrees: the ellipse is most of a pixel off, and the closed form says how."""
+    spec = made("CERN")
+    camera = Camera("c", 640, 640, 900.0, [319.5, 319.5])  # type: ignore[arg-type]
+    unit, turn = 40.0 / 900.0, math.sqrt(0.5)
+    sheet = Sheet(
+        spec, "100", np.array([0.02, 0.01, 1.0]), unit * np.array([turn, 0, turn]), np.array([0, unit, 0])
+    )
+    image, (truth,) = photograph(camera, [sheet], Conditions(noise=1.0))
+    (target,) = Finder([spec], focal=900.0).find(image).targets
+    off = eccentricity(camera, sheet.centre, np.cross(sheet.right, sheet.down), unit)
+    assert math.hypot(*off) > 0.7
+    assert target.centre == pytest.approx(truth.centre, abs=0.02)
+    assert target.ellipse - truth.centre == pytest.approx(off, abs=0.03)
+
+
+def test_sixteen_bits_give_what_eight_give(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    finder = Finder([sets["IGNIndoor"]])
+    image, truths = scene(camera, [sets["IGNIndoor"]], deep=True)
+    assert image.dtype == np.uint16
+    assert [target.name for target in finder.find(image).targets] == sorted(one.name for one in truths)
+
+
+def test_inverted_sheets_are_found(camera, scene) -> None:  # type: ignore[no-untyped-def]
+    for family in ("CERN", "IGNIndoor"):
+        spec = made(family)
+        spec = replace(spec, geometry=replace(spec.geometry, is_white=not spec.geometry.is_white))
+        image, truths = scene(camera, [spec], count=4)
+        found = Finder([spec]).find(image).targets
+        assert [target.name for target in found] == sorted(one.name for one in truths)
+
+
+def test_hidden_targets_get_no_wrong_name(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    for seed in (1, 2):
+        image, truths = scene(camera, [sets["IGNIndoor"]], hidden=1.0, seed=seed)
+        places = {one.name: one.centre for one in truths}
+        found = Finder([sets["IGNIndoor"]]).find(image)
+        assert all(math.hypot(*(places[one.name] - one.centre)) < 1.0 for one in found.targets)
+        assert found.refused
+
+
+def test_codes_of_other_sets_are_refused_with_the_reason(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    image, _ = scene(camera, [sets["IGNIndoor"]])
+    other = made("IGNIndoor", numbers={35})
+    found = Finder([other]).find(image)
+    assert len(found.targets) <= 1
+    assert any(refusal.stage == "code of the set" for refusal in found.refused)
+
+
+def test_spots_without_code_are_measured_when_asked_for() -> None:
+    camera = Camera("c", 300, 200, 900.0, [149.5, 99.5])  # type: ignore[arg-type]
+    x, y = np.meshgrid(np.arange(300.0), np.arange(200.0))
+    scenery = np.where((abs(x - 150) < 45) & (abs(y - 100) < 45), 40.0, 150.0)
+    finer = [(np.arange(4 * size) + 0.5) / 4 - 0.5 for size in (300, 200)]
+    fine = np.hypot(*np.meshgrid(finer[0] - 150.3, finer[1] - 99.6))
+    share = (fine < 9.0).reshape(200, 4, 300, 4).mean(axis=(1, 3))
+    image, _ = photograph(camera, [], Conditions(ramp=0.0), scenery=scenery + share * 150.0)
+    found = Finder([made("CERN")], uncoded=True).find(image)
+    assert found.targets == []
+    (spot,) = found.uncoded
+    assert spot.centre == pytest.approx([150.3, 99.6], abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((300, 400), dtype=np.uint8),
+        np.full((300, 400), 255, dtype=np.uint8),
+        np.full((16, 900), 77, dtype=np.uint8),
+        np.random.default_rng(1).integers(0, 256, (300, 400), dtype=np.uint8),
+        np.tile(np.kron([[0, 255], [255, 0]], np.ones((12, 12))), (12, 16)).astype(np.uint8),
+        np.kron(np.random.default_rng(2).integers(0, 2, (60, 80)) * 255, np.ones((5, 5))).astype(np.uint8),
+    ],
+    ids=["black", "white", "narrow", "noise", "floor", "blocks"],
+)
+def test_nothing_is_found_where_nothing_is(image, sets) -> None:  # type: ignore[no-untyped-def]
+    specs = [sets["CERN"], sets["IGNIndoor"]]
+    assert Finder(specs, uncoded=False).find(image).targets == []
