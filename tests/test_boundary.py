@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import obseq.images.adjustment.causes as causes
+import obseq.images.causes.diagnosing as causes
 import obseq.images.output.page as block_page
 import obseq.images.output.record as block_record
 import obseq.report.formats as formats
@@ -123,7 +123,7 @@ def block(tmp_path):
 @pytest.mark.parametrize(
     ("module", "name", "what"),
     [
-        (causes, "common_cause", "the search for causes"),
+        (causes, "diagnosed", "the search for errors"),
         (block_record, "reliability_record", "the tests of image points"),
         (block_page, "page", "block.html"),
     ],

@@ -1,15 +1,14 @@
-"""Causes that all measures share: axes of images, another unit of the focal length; or none."""
+"""Mistakes that all measures share: axes of images, a focal length; single ones; or none."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import scenes
+from accused import codes, diagnosis, said
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ImagePoints
-from obseq.images.adjustment import causes, trials
-from obseq.images.adjustment.causes import common_cause
 from obseq.images.initial import growth
 
 
@@ -17,11 +16,6 @@ from obseq.images.initial import growth
 def _short_trials(monkeypatch):
     """Images that can be placed are, from the first pairs; the others are the time of these tests."""
     monkeypatch.setattr(growth, "PAIRS_TRIED", 2)
-    monkeypatch.setattr(trials, "MOST", 25)
-
-
-def _cause(block):
-    return common_cause(block, block.solve(), block.poses)
 
 
 def _upwards(block):
@@ -48,7 +42,7 @@ def test_lines_that_were_counted_upwards_are_named():
     block = _block()
     _upwards(block)
     before = block.sets, block.poses
-    cause = _cause(block)
+    cause = said(block)
     assert cause.startswith("the lines of all images were counted upwards")
     assert (block.sets, block.poses) == before
 
@@ -58,22 +52,18 @@ def test_exchanged_image_coordinates_are_named(n_control):
     """With three control points the block does not converge; with twelve, b1 = -2 makes mirror images fit."""
     block, _, _ = scenes.block(n_control=n_control)
     _exchanged(block)
-    assert _cause(block).startswith("x and y of all image points are exchanged")
+    assert said(block).startswith("x and y of all image points are exchanged")
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "cause"),
     [(_upwards, "the lines of all images were"), (_exchanged, "x and y of all image points")],
 )
-def test_what_keeps_images_from_being_placed_is_named(change, said):
+def test_axes_without_poses_are_named_whether_images_can_be_placed_or_not(change, cause):
     block, _, _ = scenes.block()
     change(block)
     block.poses = block.poses.select([])
-    with pytest.raises(
-        InputError,
-        match=f"cannot be placed.*\nLikely cause: {said}[^\n]*: so changed, all images can be placed",
-    ):
-        block.initialise()
+    assert cause in said(block)
 
 
 def test_a_focal_length_that_keeps_images_from_being_placed_is_named_before_single_ones():
@@ -81,8 +71,8 @@ def test_a_focal_length_that_keeps_images_from_being_placed_is_named_before_sing
     block.freeze_parameters("K.|p.|b.")
     block.cameras["c"] = replace(scenes.CAMERA, focal=3 * scenes.CAMERA.focal)
     block.poses = block.poses.select([])
-    said = r"Likely cause: a focal length is wrong, or its unit \(camera c: 5400 px given, 180"
-    with pytest.raises(InputError, match=said):
+    cause = r"Likely cause: a focal length is wrong, or its unit \(camera c: 5400 px given, 180"
+    with pytest.raises(InputError, match=cause):
         block.initialise()
 
 
@@ -92,20 +82,22 @@ def test_image_points_measured_in_smaller_images_are_told_so(frozen):
     block, _, _ = scenes.block(n_images=5, n_points=16, n_control=8)
     block.freeze_parameters(f"{frozen}K.|p.|b.")
     _measured(block, block.sets[0].measures.xy / 2)
-    cause = _cause(block)
+    cause = said(block)
     assert cause.startswith(
         "all image points were measured in images of another size than that of the camera"
     )
     assert "(x, y -> 2 x, 2 y): so changed, " in cause
 
 
-def test_a_held_focal_length_of_a_free_block_is_named_where_freeing_it_makes_the_block_accepted():
+def test_a_held_focal_length_of_a_free_block_is_named():
     block = _block(n_images=5, n_points=16, n_control=0)
     options = {"datum": "centres"}
-    assert common_cause(block, block.solve(**options), block.poses, **options) == ""
+    assert diagnosis(block, **options).is_quiet
     block.cameras["c"] = replace(scenes.CAMERA, focal=1860.0)
-    cause = common_cause(block, block.solve(**options), block.poses, **options)
-    assert cause.startswith("a focal length is wrong, or its unit (camera c: 1860 px given, 180")
+    found = diagnosis(block, **options)
+    (one,) = found.accused
+    assert (one.code, one.what) == ("I130", "F of camera c")
+    assert one.size[0] == pytest.approx(60.0, abs=10.0)
 
 
 def test_images_that_no_convention_places_get_no_hint():
@@ -135,25 +127,25 @@ def test_measures_that_are_in_their_images_when_exchanged_are_told_so():
 def test_a_focal_length_of_another_unit_is_named_with_the_one_that_fits():
     block = _block()
     block.cameras["c"] = replace(scenes.CAMERA, focal=3 * scenes.CAMERA.focal)
-    cause = _cause(block)
+    cause = said(block)
     assert cause.startswith("a focal length is wrong, or its unit (camera c: 5400 px given, ")
     assert float(cause.partition("given, ")[2].split()[0]) == pytest.approx(1800.0, abs=10.0)
 
 
-def test_a_good_block_has_no_cause_and_a_few_gross_errors_are_named_without_a_search(monkeypatch):
+def test_a_good_block_has_no_cause_and_single_errors_are_named_with_their_sizes():
     block = _block()
-    assert _cause(block) == ""
-    monkeypatch.setattr(causes, "exchanged_axes", None)  # what takes time is not tried
+    assert diagnosis(block).is_quiet
     (part,) = block.sets
     part.measures.xy[7] += [200.0, -120.0]
-    said = (
-        "a gross error: image i0, point P7, off by (+200, -119) px. Without it, sigma0 falls from 21 to 0.9"
-    )
-    assert _cause(block).startswith(said)
+    (one,) = diagnosis(block).accused
+    assert (one.code, one.what) == ("I100", "image i0, point P7")
+    assert one.size == pytest.approx([200.0, -120.0], abs=2.0)
     block.control.coordinates[2] += [0.5, 0.4, -0.3]
-    assert _cause(block).startswith("2 gross errors: control point P2 (by +0.51")
+    assert set(codes(block)) == {("I100", "image i0, point P7"), ("I111", "control point P2")}
     part.measures.xy[7] -= [200.0, -120.0]
-    assert _cause(block).startswith("control points that the others and the images contradict: P2 (by +0.51")
+    (one,) = diagnosis(block).accused
+    assert one.what == "control point P2"
+    assert one.size == pytest.approx([0.5, 0.4, -0.3], abs=0.02)
 
 
 def test_measures_that_rays_do_not_tell_apart_are_all_named():
@@ -164,32 +156,12 @@ def test_measures_that_rays_do_not_tell_apart_are_all_named():
     block.sets = [replace(part, measures=measures.rows(~few))]
     xy = block.sets[0].measures.xy
     xy[20] += [0.0, 150.0]
-    assert "one of the 2 measures of point P20 (images i0, i1)" in _cause(block)
+    (one,) = diagnosis(block).accused
+    assert {one.what, *(other.what for other in one.others)} == {
+        "image i0, point P20",
+        "image i1, point P20",
+    }
     xy[20] -= [0.0, 150.0]
     xy[3] += [0.0, 150.0]
-    assert (
-        "a gross error: the coordinates of control point P3, or its measure in image i0, the only one."
-        in _cause(block)
-    )
-
-
-def _steps(block):
-    """How often it is told what is being tried, for each of the trials."""
-    said = []
-    assert common_cause(block, block.solve(), block.poses, said.append) == ""
-    assert all(line.startswith("the block does not fit: trying ") for line in said)
-    tried = ("lines counted upwards", "x and y exchanged", "another focal")
-    return [sum(f"trying {what}" in line for line in said) for what in tried]
-
-
-def test_what_is_tried_is_told_and_a_hopeless_trial_is_given_up(monkeypatch):
-    block = _block(n_images=4, n_points=12)
-    (part,) = block.sets
-    part.measures.xy[3::9] += 300.0
-    for other in ("misplaced", "odd_image", "odd_control"):  # whose steps are not counted here
-        monkeypatch.setattr(causes, other, lambda *_: "")
-    long = _steps(block)
-    monkeypatch.setattr(trials, "FEW", 1)
-    monkeypatch.setattr(trials, "TIMES", 0)
-    short = _steps(block)
-    assert all(1 < few < many for few, many in zip(short, long, strict=True))
+    (one,) = diagnosis(block).accused
+    assert {"image i0, point P3", "control point P3"} <= {one.what, *(other.what for other in one.others)}

@@ -46,10 +46,10 @@ from diagnosis_records import of_block, of_refusal, of_survey
 from diagnosis_verdicts import RIGHT, Found, has_cause, verdict_of
 
 from obseq.errors import ObseqError
-from obseq.formats.blocks.tables import BlockFiles, read_measures
+from obseq.formats.blocks.tables import BlockFiles
 from obseq.images import BundleAdjustment
-from obseq.images.adjustment.causes import common_cause
-from obseq.images.adjustment.refusals import explained
+from obseq.images.causes.diagnosing import diagnosed
+from obseq.images.causes.refusals import explained
 from obseq.images.output.record import record_of
 from obseq.survey import Network
 
@@ -158,11 +158,8 @@ def _block(folder: Path, given: blocks.Block) -> Run:
         if (told := of_refusal(error)) is None:
             raise
         return told, None
-    record = record_of(solution, cause=common_cause(block, solution, poses))
-    measures = read_measures(files[2], blocks.SIGMA)
-    names = measures.image_names, measures.point_names
-    pairs = [(names[0][i], names[1][k]) for i, k in zip(measures.image, measures.point, strict=True)]
-    return of_block(record, pairs), None
+    record = record_of(solution, diagnosis=diagnosed(solution, poses))
+    return of_block(record), None
 
 
 # Classes

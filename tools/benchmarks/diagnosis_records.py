@@ -1,7 +1,7 @@
 """What the results of this version accuse, as places: the one file that knows in which fields they say it.
 
-A record has a `diagnosis` (status, accused, others, slips); what has none yet is read from the fields that do
-the same: gross errors with their rows and the suspicion of a survey, the suspects and the cause of a block.
+A record has a `diagnosis` (status, accused, others, slips); surveys, which have none yet, are read from the
+fields that do the same: gross errors with their rows, and the suspicion.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 from diagnosis_verdicts import Found, Line, Place
 
+from obseq.records.record import to_plain
 from obseq.survey import Adjustment
 
 if TYPE_CHECKING:
@@ -27,11 +28,6 @@ Set = tuple[Place, ...]
 
 KNOWN = re.compile(r"known (?:coordinate )?([xyz]) of (\S+)")
 PLACED = re.compile(r"\(([^():]+):(\d+)\)")
-IMAGE_POINT = re.compile(r"image (\S+), point (\S+?)[,:;. ]")
-ONE_OF = re.compile(r"one of the \d+ measures of point (\S+) \(images ([^)]*)\)")
-CONTROL = re.compile(r"(?:control points?|contradict:) ([^\s;(:]+)")
-EXCHANGED = re.compile(r"images (\S+) and (\S+) (?:are|look) exchanged")
-UNIT = re.compile("times (as large as the rest of the block says|too large)")
 SHARED = "height of instrument or target", "constant or scale of distances", "index of zenith angles"
 """Causes that several observations have in common."""
 
@@ -113,44 +109,14 @@ def _named(observation: str) -> Place:
 # Blocks
 
 
-def of_block(record: BundleRecord, measures: Sequence[tuple[str, str]]) -> Found:
-    """What the adjustment of a block accuses; measures: image and point of each line of their file."""
-    diagnosis = getattr(record, "diagnosis", None)
-    if diagnosis is not None:
-        return of_diagnosis(diagnosis if isinstance(diagnosis, dict) else diagnosis.to_plain())
-    line: dict[tuple[str, ...], Place] = {
-        pair: Place(lines=frozenset({("measures.csv", row + 2)})) for row, pair in enumerate(measures)
-    }
-    sets = list(_told(record.cause, line)) if record.cause else []
-    if not record.cause:
-        sets = [(_suspect(record, suspect, line),) for suspect in record.suspects]
-    return Found("explained" if sets else "accepted" if record.converged else "undecided", tuple(sets))
+def of_block(record: BundleRecord) -> Found:
+    """What the adjustment of a block accuses."""
+    if record.diagnosis is None:
+        return Found("undecided")
+    return of_diagnosis(to_plain(record.diagnosis))
 
 
 def of_refusal(error: ObseqError) -> Found | None:
     """What an error accuses that says why a block has no solution; None where it does not."""
-    if (diagnosis := getattr(error, "diagnosis", None)) is not None:
-        return of_diagnosis(diagnosis)
-    sets = tuple(_told(str(error), {}))
-    return Found("explained", sets) if sets[0][0].code != "other" else None
-
-
-def _told(cause: str, line: Mapping[tuple[str, ...], Place]) -> Iterator[Set]:
-    """What a cause in words names."""
-    found: list[Set] = [(line[pair],) for pair in IMAGE_POINT.findall(f"{cause} ") if pair in line]
-    for point, images in ONE_OF.findall(cause):
-        found.append(tuple(line[image, point] for image in images.split(", ") if (image, point) in line))
-    found += [(Place(points=frozenset({name})),) for name in CONTROL.findall(cause) if name.startswith("P")]
-    if pair := EXCHANGED.search(cause):
-        found.append((Place("I140", images=frozenset(pair.groups())),))
-    if UNIT.search(cause):
-        found = [(Place("I150"),)]
-    yield from found or [(Place("other"),)]
-
-
-def _suspect(record: BundleRecord, suspect: Any, line: Mapping[tuple[str, ...], Place]) -> Place:
-    if suspect.row is None:
-        return Place(points=frozenset({suspect.name.removeprefix("control point ")}))
-    columns = record.residuals
-    image = record.images[columns.image[suspect.row]].name
-    return line[image, record.points[columns.point[suspect.row]].name]
+    diagnosis = getattr(error, "diagnosis", None)
+    return None if diagnosis is None else of_diagnosis(diagnosis)

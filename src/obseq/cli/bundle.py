@@ -123,8 +123,8 @@ def run(arguments: argparse.Namespace) -> int:
     text = outputs.get("text")
     check_writable([*outputs.values(), *_other_places(arguments)], inputs(arguments))
     with Progress("loading") as progress:
-        from obseq.images.adjustment.causes import common_cause
-        from obseq.images.adjustment.refusals import explained
+        from obseq.images.causes.diagnosing import diagnosed
+        from obseq.images.causes.refusals import explained
         from obseq.images.output.record import record_of
         from obseq.images.output.summary import summary
 
@@ -136,10 +136,10 @@ def run(arguments: argparse.Namespace) -> int:
             with explained(block, progress, **options):
                 solution = _solve(block, options, progress)
         boundary = Boundary()
-        search = partial(common_cause, block, solution, given, progress, **options)
-        cause = boundary.attempt("the search for causes", search, "")
+        search = partial(diagnosed, solution, given, progress, **options)
+        diagnosis = boundary.attempt("the search for errors", search, None)
         progress("writing")
-        record = record_of(solution, cause=cause, failures=boundary.failures)
+        record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
         boundary = Boundary()
         files = boundary.texts(_writers(arguments, outputs, solution, record))
         record = structs.replace(record, failures=(*record.failures, *boundary.failures))

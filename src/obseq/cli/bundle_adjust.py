@@ -58,8 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
     reports = [path for path in (arguments.json, arguments.html, arguments.ply) if path]
     check_writable(reports)
     with Progress("reading") as progress:
-        from obseq.images.adjustment.causes import common_cause
-        from obseq.images.adjustment.refusals import explained
+        from obseq.images.causes.diagnosing import diagnosed
+        from obseq.images.causes.refusals import explained
         from obseq.images.output.clouds import ply
         from obseq.images.output.page import page
         from obseq.images.output.record import record_of
@@ -74,9 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
                 progress=lambda step: progress(f"adjusting: {step}"),
             )
         boundary, limit = Boundary(), options.iterations
-        search = partial(common_cause, block, solution, block.poses, progress, max_iterations=limit)
-        cause = boundary.attempt("the search for causes", search, "")
-        record = record_of(solution, cause=cause, failures=boundary.failures)
+        search = partial(diagnosed, solution, block.poses, progress, max_iterations=limit)
+        diagnosis = boundary.attempt("the search for errors", search, None)
+        record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
         results = Results(tree, options, arguments.orientation, arguments.out, arguments.json_files)
         writers = {
             arguments.json: record.to_json,

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
 
+_HALF = 0.5
+"""Share of the redundancy that what is taken out may cost: of more, the rest would be the error."""
+
+
 def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
     """What is wrong with a model, or that nothing is."""
     return Search(model, policy).verdict()
@@ -160,6 +164,8 @@ class Search(Generic[Place]):
         found = [select(tests, first)]
         if is_robust and not first and (suspects := _suspects(tests)):
             found.append(select(tests, suspects))
+            if blocks := _suspected_blocks(tests):
+                found.append(select(tests, blocks))
         if len(_cheapest(tests, found)) > 1:  # two rows may look like one group and another row
             found.append(select(tests, rows_only=True))
         return tuple(sorted(_cheapest(tests, found)))
@@ -185,3 +191,15 @@ def _suspects(tests: LinearTests) -> list[int]:
     order = np.argsort(-worst, kind="stable")
     which = which[order][worst[order] > tests.policy.suspect]
     return list(map(int, which[: tests.policy.begun]))
+
+
+def _suspected_blocks(tests: LinearTests) -> list[int]:
+    """Blocks most of whose rows a robust place contradicts, those with most first."""
+    hypotheses = tests.hypotheses
+    off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
+    count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
+    is_told = hypotheses.is_block & ~hypotheses.needs_slip
+    which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
+    which = which[np.argsort(-count[which], kind="stable")]
+    left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy
+    return list(map(int, which[left]))

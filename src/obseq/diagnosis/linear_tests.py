@@ -12,13 +12,14 @@ Sources: W. Baarda 1968; P. Teunissen, Testing theory, Delft 2000, and J. Geod. 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.leastsquares.statistics.joint_levels import joint_critical
+from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,10 +70,12 @@ class Tested:
     Attributes:
         statistic: (h,) T; 0 where nothing shows it.
         limit: (h,) K that it must exceed.
+        noise: (h,) what it takes of the noise, on average.
     """
 
     statistic: FloatArray
     limit: FloatArray
+    noise: FloatArray
 
 
 class LinearTests:
@@ -103,8 +106,9 @@ class LinearTests:
         self.shown = np.asarray(self._transposed @ left)
         self._across: dict[int, FloatArray] = {}
         self._weight = self._first_weights(columns)
-        level = 1.0 - (1.0 - policy.false_alarm) ** (1.0 / max(len(hypotheses), 1))
-        self.level = float(f"{level:.1e}")  # so that limits are computed once for models of like size
+        degrees, counts = np.unique(hypotheses.q[~hypotheses.is_block], return_counts=True)
+        tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in zip(degrees, counts, strict=True))
+        self.level = _level(policy.false_alarm, policy.power, tests)
         self._ranks: dict[int, int] = {}
         self.scale = 1.0
 
@@ -223,7 +227,7 @@ class LinearTests:
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
         limits = np.array([self.limit(d) for d in range(int(degrees.max(initial=1)) + 1)])
-        return Tested(statistic, limits[degrees])
+        return Tested(statistic, limits[degrees], np.asarray(self.scale * degrees, np.float64))
 
     def _left_of_weights(self, given: Given) -> FloatArray:
         """(k,) M of each column alone, the accepted hypotheses being unknowns."""
@@ -279,12 +283,26 @@ class LinearTests:
         return found
 
     def due(self, chosen: Sequence[int]) -> float:
-        """What hypotheses must take away to be believed: the limit of the test of each, and its rarity."""
-        return float(sum(self.limit(self.rank(i)) + self.rarity[i] for i in chosen))
+        """What hypotheses must take away to be believed: the limit of the test of each, and its rarity.
+
+        And what they take of the noise: one square for each degree of freedom. Else a whole image would be
+        cheaper than one of its points.
+        """
+        ranks = {i: self.rank(i) for i in chosen}
+        return float(sum(self.limit(q) + self.scale * q + self.rarity[i] for i, q in ranks.items()))
 
     def price(self, chosen: Sequence[int]) -> float:
         """What remains with hypotheses accepted, and what is due for them."""
         return self.cost - self.given(chosen).took + self.due(chosen)
+
+
+@lru_cache
+def _level(false_alarm: float, power: float, tests: tuple[tuple[int, int], ...]) -> float:
+    """Level of the test of one equation, all tests together having one: degrees of freedom, and how many.
+
+    Rounded, as the numbers of tests are, so that limits are computed once for models of like size.
+    """
+    return float(f"{shared_level(false_alarm, dict(tests or ((1, 1),)), power):.1e}")
 
 
 def _parts(which: IntArray) -> list[IntArray]:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
 _EXCHANGES = 4
+_TWO = 2
+"""Errors that may well be in one block by chance."""
 
 
 def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = False) -> list[int]:
@@ -45,7 +47,7 @@ def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = F
 def gains(tests: LinearTests, found: Tested) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """(h,) by how much each hypothesis lowers the price; minus infinity where its test does not reject."""
     passed = found.statistic > found.limit
-    return np.where(passed, found.statistic - found.limit - tests.rarity, -np.inf)
+    return np.where(passed, found.statistic - found.limit - found.noise - tests.rarity, -np.inf)
 
 
 def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
@@ -71,10 +73,10 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     now = list(chosen)
     for _ in range(_EXCHANGES):
         price, better = tests.price(now), None
-        for i in now if len(now) <= tests.policy.most else ():
+        for i in now if _are_few(tests, now) else ():
             rest = [j for j in now if j != i]
             given = tests.given(rest)
-            found = tests.tests(given, rest, blocks=bool(tests.hypotheses.q[i] > 1))
+            found = tests.tests(given, rest, blocks=bool(tests.hypotheses.is_block[i]))
             prices = tests.cost - given.took + tests.due(rest) - gains(tests, found)
             j = int(np.argmin(prices))
             if j != i and prices[j] < price - _TOLERANCE * (1e3 + abs(price)):
@@ -83,6 +85,11 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
             return now
         now = kept(tests, better)
     return now
+
+
+def _are_few(tests: LinearTests, chosen: Sequence[int]) -> bool:
+    """Whether exchanges of hypotheses are worth their time: not of whole images."""
+    return len(chosen) <= tests.policy.most and tests.hypotheses.q[chosen].sum() <= tests.policy.begun
 
 
 def merged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
@@ -129,12 +136,25 @@ def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     count = np.append(0, np.cumsum(np.isin(hypotheses.columns, held)))
     inner = count[hypotheses.starts[1:]] - count[hypotheses.starts[:-1]]
     some = blocks[inner[blocks] >= np.maximum(2, tests.policy.whole * hypotheses.q[blocks])]
-    return [j for j in some.tolist() if len(inside(tests, chosen, j)) >= needed(tests, j)]
+    return [j for j in some.tolist() if hypotheses.q[inside(tests, chosen, j)].sum() >= needed(tests, j)]
 
 
 def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
-    """Blocks that hold most of what is chosen, and are told only where a slip explains them."""
-    return [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]] if len(chosen) > 1 else []
+    """Blocks that are told only where a slip explains them.
+
+    Names, that hold most of what is chosen; and others that hold several of them, and cost less.
+    """
+    if len(chosen) < 2:
+        return []
+    mostly = [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]]
+    blocks = np.flatnonzero(tests.hypotheses.is_block & ~tests.hypotheses.needs_slip)
+    several = [j for j in blocks.tolist() if j not in chosen and len(inside(tests, chosen, j)) > _TWO]
+    price = tests.price(chosen) if several else 0.0
+    return mostly + [
+        j
+        for j in several
+        if tests.price([*(i for i in chosen if i not in inside(tests, chosen, j)), j]) < price
+    ]
 
 
 def needed(tests: LinearTests, block: int) -> float:

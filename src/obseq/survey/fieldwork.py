@@ -24,6 +24,7 @@ from obseq.survey.adjustment.singular_words import free_motions_in_words
 from obseq.survey.initial.initial_values import InitialValues, collector_at_rest, values_by
 from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.left_out import Determined, leave_out
+from obseq.survey.initial.rivals import Choice
 from obseq.survey.model import join
 
 if TYPE_CHECKING:
@@ -82,22 +83,33 @@ class Fieldwork:
     @cached_property
     def _own_values(self) -> InitialValues:
         """Those of these points and observations: an adjustment and a search for gross errors begin there."""
-        return self._computed(self.points, self.book)
+        return self._computed(self.points, self.book, self._choice)
 
     def _started(self, points: Points, book: FieldBook) -> InitialValues:
         """Initial values of points and observations in the frame."""
         is_own = points is self.points and book is self.book
-        return self._own_values if is_own else self._computed(points, book)
+        return self._own_values if is_own else self._computed(points, book, self._choice)
 
-    def _computed(self, points: Points, book: FieldBook) -> InitialValues:
-        """The same, computed."""
+    def _computed(self, points: Points, book: FieldBook, choice: Choice) -> InitialValues:
+        """The same, computed from where points start that have several places."""
         points = with_first_places(self.frame, points, book)
         while True:
-            found = values_by(self._graphs, points, book, self.frame.plumb)
+            found = values_by(self._graphs, points, book, self.frame.plumb, choice=choice)
             more = with_barycentres(points, book, found.coordinates)
             if more is None:
                 return found
             points = more
+
+    @cached_property
+    def _choice(self) -> Choice:
+        """Where points start that have several places, as least squares decides."""
+        found = self._computed(self.points, self.book, Choice())
+        if not found.rivals:
+            return Choice()
+        from obseq.survey.adjustment.contest import decided
+
+        compute = partial(self._computed, self.points, self.book)
+        return decided(self.points, self.book, found, compute, self._equations)
 
     def model(self) -> Model:
         """How initial values and equations are made, where gross errors are looked for."""

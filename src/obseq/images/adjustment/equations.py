@@ -226,7 +226,7 @@ class Equations:
         if not given.any():
             return nothing
         rows = np.argwhere(given)
-        roots = _roots(start.covariances, given)
+        roots = roots_of(start.covariances, given)
         coefficients = roots[rows[:, 0], rows[:, 1]]
         values = np.sum(coefficients * start.coordinates[rows[:, 0]], axis=1)
         labels = [f"{start.points[point]} {'xyz'[component]}" for point, component in rows]
@@ -263,7 +263,7 @@ class Equations:
                 self.system.add_viscosity(ids, sigma)
 
 
-def _roots(covariances: FloatArray, given: BoolArray) -> FloatArray:
+def roots_of(covariances: FloatArray, given: BoolArray) -> FloatArray:
     """(n, 3, 3) rows that make the given coordinates independent and of unit sigma; 0 for the others."""
     roots = np.zeros_like(covariances)
     variances = np.diagonal(covariances, axis1=1, axis2=2)

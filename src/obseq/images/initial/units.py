@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,8 +28,8 @@ UNITS = (
     (0.001, "kilometres, and the rest in metres; or metres, and the rest in millimetres"),
 )
 """How many times as large coordinates are, and the units that may be."""
-SAME = 0.03
-"""By which a scale may be off a unit, and points off a similarity, in shares of it and of their extent."""
+SAME, TIMES, KNOWN = 0.03, 3.0, 0.1
+"""Share of itself by which a scale may be off a unit, or times its precision; the poorest of these."""
 
 
 def unit_of_control(block: Block, poses: Poses) -> tuple[float, str] | None:
@@ -38,15 +39,17 @@ def unit_of_control(block: Block, poses: Poses) -> tuple[float, str] | None:
         block: with measures.
         poses: as they were given, not found from control points.
     """
-    for scale in _scales(block, poses):
+    for scale, spread in _scales(block, poses):
+        if abs(math.log(scale)) < TIMES * spread + SAME:
+            continue
         for factor, units in UNITS:
-            if abs(scale / factor - 1.0) < SAME:
+            if abs(math.log(scale / factor)) < max(SAME, TIMES * spread):
                 return factor, f"their coordinates in {units}"
     return None
 
 
-def _scales(block: Block, poses: Poses) -> Iterator[float]:
-    """Scales of the control points: by lengths between them, by rays from poses."""
+def _scales(block: Block, poses: Poses) -> Iterator[tuple[float, float]]:
+    """Scales of the control points, and their relative precision: by lengths, by rays from poses."""
     control, lengths = block.control, block.lengths
     place = dict(zip(control.names, control.coordinates, strict=True))
     ends = zip(lengths.first, lengths.second, lengths.values, strict=True)
@@ -54,12 +57,12 @@ def _scales(block: Block, poses: Poses) -> Iterator[float]:
         float(np.linalg.norm(place[a] - place[b])) / length for a, b, length in ends if {a, b} <= place.keys()
     ]
     if ratios and max(ratios) < (1.0 + SAME) * min(ratios):
-        yield float(np.median(ratios))
+        yield float(np.median(ratios)), 0.0
     for given in (poses, *(part.poses for part in block.pose_observations)):
         yield from _by_rays(block, given)
 
 
-def _by_rays(block: Block, poses: Poses) -> Iterator[float]:
+def _by_rays(block: Block, poses: Poses) -> Iterator[tuple[float, float]]:
     """The scale of the control points to where their rays meet, if a similarity takes these to them."""
     measures = functools.reduce(ImagePoints.joined, (part.measures for part in block.sets))
     rays = measures.of_points(block.control.names)
@@ -75,8 +78,11 @@ def _by_rays(block: Block, poses: Poses) -> Iterator[float]:
         yield scale
 
 
-def _similar(source: FloatArray, target: FloatArray) -> float | None:
-    """The scale of the similarity between points, four or more; None where none fits them all."""
+def _similar(source: FloatArray, target: FloatArray) -> tuple[float, float] | None:
+    """The scale of the similarity between points, four or more, and its relative precision.
+
+    None where it is not known to a tenth: they are not similar at all.
+    """
     if len(source) < 4:
         return None
     try:
@@ -84,5 +90,6 @@ def _similar(source: FloatArray, target: FloatArray) -> float | None:
     except InputError:
         return None
     off = motion.centre + scale * source @ motion.rotation.T - target
-    extent = float(np.linalg.norm(np.ptp(target, axis=0)))
-    return scale if float(np.abs(off).max()) < SAME * extent else None
+    size = float(np.linalg.norm(target - target.mean(axis=0)))
+    spread = float(np.linalg.norm(off)) / size / math.sqrt(3 * len(source) - 7)
+    return (scale, spread) if spread < KNOWN else None

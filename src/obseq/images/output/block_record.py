@@ -15,6 +15,7 @@ from obseq.images.output.shares import LARGE, Owners, RejectedShare, rejected_sh
 from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
 from obseq.images.output.testing import BlockReliabilityRecord
 from obseq.records.adjustment import IterationRecord, RunRecord
+from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.quality import GlobalTestRecord
 from obseq.records.record import Record, from_plain
 from obseq.report.result_file import read_plain, text_of
@@ -159,7 +160,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         reliability: None when no precision was asked for, or without redundancy.
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
         unmeasured: control points that are in no image: they change nothing.
-        cause: what is wrong with the whole block, when that was found; else empty.
+        diagnosis: what is wrong with it; None where nobody has looked.
         weak: what the observations hardly determine, so that there are no precisions; else empty.
         failures: what should explain the result, and failed: nobody has looked.
         far: points whose rays do not tell how far they are; they may be behind their cameras.
@@ -190,7 +191,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     run: RunRecord
     global_test: GlobalTestRecord | None = None
     unmeasured: tuple[BlockLeftOutRecord, ...] = ()
-    cause: str = ""
+    diagnosis: DiagnosisRecord | None = None
     weak: str = ""
     failures: tuple[str, ...] = ()
     far: tuple[str, ...] = ()
@@ -203,7 +204,8 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
 
         A few points that are far are as they should be; where half of all are, the block is not determined.
         """
-        is_clean = not (self.left_out or self.behind or self.suspects or self.cause or self.weak)
+        is_clean = not (self.left_out or self.behind or self.suspects or self.weak)
+        is_clean = is_clean and (self.diagnosis is None or self.diagnosis.is_quiet)
         is_determined = len(self.far) < LARGE * max(len(self.points), 1)
         is_known = is_determined and not self.failures
         return self.converged and is_clean and is_known and not self.rejected_shares
@@ -224,8 +226,8 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
 
     @property
     def suspects(self) -> tuple[StandardisedRecord, ...]:
-        """The observations of any kind that are suspected to be gross errors, the largest first."""
-        return () if self.suspicion is None else self.suspicion.suspects
+        """The observations whose tests stand out, the largest first; none where a diagnosis says more."""
+        return () if self.suspicion is None or self.diagnosis is not None else self.suspicion.suspects
 
     def to_json(self) -> str:
         """The text of the result file."""

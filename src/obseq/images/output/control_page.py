@@ -101,9 +101,7 @@ def largest_tests(record: BundleRecord) -> Iterator[str]:
     if tests is None or not tests.largest:
         return
     suspects = suspected(record)
-    said = f'<p class="bad">{escaped(suspects)}</p>' if suspects else ""
-    if not record.suspects:
-        said = "<p>No gross error is suspected.</p>"
+    said = f'<p class="bad">{escaped(suspects)}</p>' if suspects else "<p>No gross error is suspected.</p>"
     rows = [
         (
             item.name, f"{item.w:+.2f}", f"{item.scaled:+.2f}",
@@ -112,7 +110,7 @@ def largest_tests(record: BundleRecord) -> Iterator[str]:
         for item in tests.largest
     ]  # fmt: skip
     heads = ("what", "w", f"scaled (limit {tests.limit:.2f})", "error", "weight")
-    shown = table(heads, rows, len(rows), len(tests.suspects))
+    shown = table(heads, rows, len(rows), len(record.suspects))
     yield f"<h2>Largest standardised residuals of all observations</h2>{said}{shown}"
 
 

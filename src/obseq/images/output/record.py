@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.boundary import Boundary
-from obseq.images.adjustment.trials import has_robust_weights
+from obseq.images.causes.comparison import has_robust_weights
 from obseq.images.output.block_record import (
     BlockLeftOutRecord,
     BlockPointRecord,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import LeftOut
     from obseq.images.camera import Camera
+    from obseq.records.diagnosis import DiagnosisRecord
     from obseq.records.quality import GlobalTestRecord
 
 WORST = 20
@@ -38,14 +39,17 @@ WORST = 20
 
 
 def record_of(
-    solution: BundleSolution, precisions: bool = True, cause: str = "", failures: Sequence[str] = ()
+    solution: BundleSolution,
+    precisions: bool = True,
+    diagnosis: DiagnosisRecord | None = None,
+    failures: Sequence[str] = (),
 ) -> BundleRecord:
     """The record of a solution.
 
     Args:
         solution: of the block.
         precisions: False when its covariances were not asked for.
-        cause: what is wrong with the whole block (see `common_cause`).
+        diagnosis: what is wrong with it (see `diagnosed`).
         failures: what should explain the solution, and failed.
     """
     result, boundary = solution.result, Boundary()
@@ -83,7 +87,7 @@ def record_of(
         new_run(),
         _global_test(solution),
         _left_out(solution.start.unmeasured),
-        cause,
+        diagnosis,
         solution.weak,
         (*failures, *boundary.failures),
         tuple(solution.points[row] for row in np.flatnonzero(far)),

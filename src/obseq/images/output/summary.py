@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord, CameraRecord
     from obseq.images.output.suspicion import LargestTestsRecord
     from obseq.images.output.testing import BlockReliabilityRecord
+    from obseq.records.diagnosis import DiagnosisRecord
 
 MOST = 12
 """Rows of a table before it is cut."""
@@ -48,8 +49,8 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
 
 def suspected(record: BundleRecord) -> str:
     """What is suspected to be wrong, in a line; empty where nothing is."""
-    if record.cause:
-        return record.cause
+    if record.diagnosis is not None and (told := _told(record.diagnosis)):
+        return told
     found, tests = record.suspects, record.suspicion
     if tests is None or not record.converged:
         return ""
@@ -68,6 +69,19 @@ def suspected(record: BundleRecord) -> str:
     more = tests.n_suspects - len(found[:FIRST])
     listed = "; ".join(item.text for item in found[:FIRST])
     return f"{tests.n_suspects} gross errors are suspected: {listed}" + (f"; and {more} more" if more else "")
+
+
+def _told(diagnosis: DiagnosisRecord) -> str:
+    """What a diagnosis says: a line for each error, and what is left without them."""
+    lines = [one.text for one in diagnosis.accused]
+    if not lines:
+        return diagnosis.reason
+    sigma0 = diagnosis.sigma0
+    if diagnosis.status == "explained" and sigma0 is not None:
+        lines[-1] += f". Without {'it' if len(lines) == 1 else 'them'}, sigma0 is {sigma0:.3g}"
+    elif diagnosis.status == "unexplained":
+        lines.append("this does not explain all: more is wrong, or the sigmas are too small")
+    return "\n".join(lines)
 
 
 def _distrusted(record: BundleRecord) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.images.adjustment.equation_names import EquationNames
-from obseq.images.adjustment.trials import has_robust_weights
+from obseq.images.causes.comparison import has_robust_weights
 from obseq.leastsquares.statistics.hypothesis_tests import (
     limit_by_others,
     limit_by_spread,

@@ -18,6 +18,7 @@ from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, Catalogue
 from obseq.survey.causes.effects import Effects
 from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
 from obseq.survey.causes.notes import Notes
+from obseq.survey.causes.slips import Evidence, slips_of
 from obseq.survey.causes.target_height import TARGET_HEIGHT
 from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Change, Slip
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.leastsquares.problem.unknowns import State
+    from obseq.report.units import Units
     from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.causes.cause import Cause
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
@@ -80,6 +83,7 @@ class NetworkModel:
         make: Callable[[Determined], Equations],
         given: Determined,
         solved: tuple[Equations, LeastSquaresResult] | None,
+        written: tuple[Units, PointSystem],
     ) -> None:
         """Takes a network.
 
@@ -87,9 +91,11 @@ class NetworkModel:
             make: A network with its initial values -> its equations.
             given: The network, where its iterations start.
             solved: Its equations and their solution with covariances; None where there is none.
+            written: Units of values, and the system of coordinates, in which they were written.
         """
         self._equations = KeptEquations(make)
-        self._solved = solved
+        self._solved, self._written = solved, written
+        self._evidence: tuple[Place, Evidence] | None = None
         points = doubted(given.points, given.book)
         self._is_as_given = points is given.points
         self.given = replace(given, points=points)
@@ -175,7 +181,17 @@ class NetworkModel:
 
     def slips(self, change: Change, place: Place) -> tuple[Slip, ...]:
         """The slips that may be behind an error."""
-        return ()
+        if self._evidence is None or self._evidence[0] is not place:
+            self._evidence = place, self._evidence_at(place)
+        return slips_of(self.catalogue.named(change.index), change, self._evidence[1])
+
+    def _evidence_at(self, place: Place) -> Evidence:
+        """What observations should have been at a place."""
+        equations = self._at(self.given, place)
+        equations.follow(equations.system, 0)
+        residuals, _ = equations.fitted(equations.system)
+        effects = Effects.of(self.notes, equations, place.coordinates)
+        return Evidence(effects, self.given.book.observations.values + residuals, *self._written)
 
     def _at(self, given: Determined, place: Place) -> Equations:
         """The equations of a network, its unknowns at a place."""

@@ -207,7 +207,7 @@ def best_height(
     east, north, _ = times(around.vertical, minus(position, around.origin))
     fits, strongest = [], 0.0
     for height, relation in heights_at(around, (east, north)):
-        start = _along_plumb_line(known, position, around.to_frame((east, north, height)))
+        start = along_plumb_line(known, position, around.to_frame((east, north, height)))
         refined = refine(known, (relation,), start, sigmas, axes=(2,))
         strongest = max(strongest, refined.strength)
         if refined.strength >= least_strength:
@@ -215,7 +215,7 @@ def best_height(
     return _decide(around, fits, strongest, None, sigmas)
 
 
-def _along_plumb_line(known: Known, position: Space, other: Space) -> Space:
+def along_plumb_line(known: Known, position: Space, other: Space) -> Space:
     """The point of the plumb line of `position` at the height of `other`."""
     vertical = known.vertical_at(position)
     rise = times(vertical, minus(other, position))[2]

@@ -17,7 +17,8 @@ from __future__ import annotations
 import gc
 import math
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,17 +27,19 @@ from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
+from obseq.survey.initial.best_position import along_plumb_line
 from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.known import Known, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile, verticals_of_stations
 from obseq.survey.initial.placement import GOOD, REST, Placement
+from obseq.survey.initial.rivals import Choice, Contest, contest_of, start_rivals
 from obseq.survey.initial.steps import GIVEN, Steps
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray, FloatRows
     from obseq.survey.initial.closed_forms import Space
@@ -64,6 +67,7 @@ class InitialValues:
         expected_sigmas: (n,) expected errors of the coordinates (m).
         replaced: rows of the points whose approximate coordinates the observations contradict: others stand
             in `coordinates`.
+        rivals: places that the observations of a point give it equally well, by its row; it starts at one.
     """
 
     coordinates: FloatArray
@@ -75,6 +79,7 @@ class InitialValues:
     unplaced: tuple[Unplaced, ...]
     expected_sigmas: FloatArray
     replaced: tuple[int, ...] = ()
+    rivals: Mapping[int, tuple[Space, ...]] = field(default_factory=dict)
 
     def require_complete(self) -> None:
         """Refuses to go on while something has no initial value.
@@ -125,10 +130,20 @@ def values_by(
     vertical: Vertical | None,
     *,
     recompute_free: bool = False,
+    choice: Choice | None = None,
 ) -> InitialValues:
-    """`initial_values` of networks that differ in little, one after the other: they share their graphs."""
+    """`initial_values` of networks that differ in little, one after the other: they share their graphs.
+
+    Args:
+        graphs: what they have in common.
+        points: as of `initial_values`.
+        book: as of `initial_values`.
+        vertical: as of `initial_values`.
+        recompute_free: as of `initial_values`.
+        choice: where points start that have several places; None: nowhere.
+    """
     with collector_at_rest():
-        return _all_values(graphs, points, book, vertical, recompute_free)
+        return _all_values(graphs, points, book, vertical, recompute_free, choice)
 
 
 @contextmanager
@@ -144,17 +159,24 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def _all_values(
-    graphs: Graphs, points: Points, book: FieldBook, vertical: Vertical | None, recompute_free: bool
+    graphs: Graphs,
+    points: Points,
+    book: FieldBook,
+    vertical: Vertical | None,
+    recompute_free: bool,
+    choice: Choice | None,
 ) -> InitialValues:
     orientations = automatic_fix(book)
     if vertical is None:
         _refuse_plumb_stations(book, orientations)
     graph, ways = graphs.of(book, len(points), orientations, is_level=_is_level(points))
     free = points.is_free.any(axis=1) & points.has_coordinates & ~points.in_datum.any(axis=1)
+    contest = contest_of(points, book, orientations, choice)
+    compute = partial(_computed, points, book, graph, ways, vertical, contest)
     if recompute_free:
-        return _computed(points, book, graph, ways, vertical, points.is_free.all(axis=1) & free)
+        return compute(points.is_free.all(axis=1) & free)
     approximations = Approximations(book, orientations, vertical)
-    return _checked(points, graph, ways, approximations, free)
+    return _checked(points, compute, approximations, free)
 
 
 def _is_level(points: Points) -> bool:
@@ -164,23 +186,26 @@ def _is_level(points: Points) -> bool:
 
 
 def _checked(
-    points: Points, graph: SightGraph, ways: PlumbWays, approximations: Approximations, free: BoolArray
+    points: Points,
+    compute: Callable[[BoolArray], InitialValues],
+    approximations: Approximations,
+    free: BoolArray,
 ) -> InitialValues:
     """Initial values that start from the approximate coordinates, but for those that are far off."""
-    book, vertical, given = approximations.book, approximations.vertical, points.coordinates
+    book, given = approximations.book, points.coordinates
     before = approximations.contradictions(given, free)
     hidden = before > 0
-    found = _computed(points, book, graph, ways, vertical, hidden)
+    found = compute(hidden)
     if not hidden.any():
         return found
     after = approximations.contradictions(found.coordinates, free)
     if (after[~hidden] > 0).any():  # what the others were placed with is wrong too: trust no approximation
-        found = _computed(points, book, graph, ways, vertical, free)
+        found = compute(free)
         before, hidden = np.maximum(before, 1), free
         after = approximations.contradictions(found.coordinates, free)
     better = hidden & (after < before)
     if (better != hidden).any():
-        found = _computed(points, book, graph, ways, vertical, better)
+        found = compute(better)
     moved = replaced(given, book, found.coordinates, better)
     return replace(found, replaced=tuple(moved.tolist()))
 
@@ -191,6 +216,7 @@ def _computed(
     graph: SightGraph,
     ways: PlumbWays,
     vertical: Vertical | None,
+    contest: Contest | None,
     hidden: BoolArray,
 ) -> InitialValues:
     """Initial values without the coordinates of hidden points, as far as the observations place these."""
@@ -199,14 +225,17 @@ def _computed(
     _take_parts(known, points, hidden)
     known.origins = graph.origins
     placement = Placement(known, graph, ways, hints)
-    _work(placement, LocalFrames(known, graph, ways))
+    frames = LocalFrames(known, graph, ways)
+    _work(placement, frames)
+    rivals = start_rivals(placement, contest, partial(_start_at, placement, frames)) if contest else {}
     coordinates = known.coordinates()
     verticals = verticals_of_stations(known)
     reconcile(known, graph, coordinates, verticals)
     reasons = explain_points(known, graph, placement.best_positions, book) + explain_stations(
         known, graph, book
     )
-    return _result(known, graph, coordinates, verticals[: len(book.stations)], tuple(reasons))
+    found = _result(known, graph, coordinates, verticals[: len(book.stations)], tuple(reasons))
+    return replace(found, rivals=rivals) if rivals else found
 
 
 def _refuse_plumb_stations(book: FieldBook, orientations: np.ndarray[tuple[int], np.dtype[np.int8]]) -> None:
@@ -267,12 +296,32 @@ def _work(placement: Placement, frames: LocalFrames) -> None:
     located = [point for point, position in enumerate(known.positions) if position is not None]
     placement.start(sorted(located, key=lambda point: not known.has_height[point]))
     _place_all(placement, frames)
+    _take_heights(placement)
     left = [p for p in placement.hints if _needs_hint(known, p) and not placement.is_ambiguous(p)]
     if left:
         for point in left:
             _take(known, point, placement.hints[point], _SIGMA_OF_APPROXIMATE)
         placement.start(left)
         _place_all(placement, frames)
+
+
+def _take_heights(placement: Placement) -> None:
+    """Gives points of which the observations give the plan alone the heights of their coordinates."""
+    known, lifted = placement.known, []
+    for point, hint in placement.hints.items():
+        position = known.positions[point]
+        if position is not None and not known.has_height[point] and known.point_steps[point] is not GIVEN:
+            known.positions[point] = along_plumb_line(known, position, hint)
+            known.has_height[point] = 1
+            lifted.append(point)
+    placement.start(lifted)
+
+
+def _start_at(placement: Placement, frames: LocalFrames, point: int, place: Space) -> None:
+    """Goes on from a point that starts at a place."""
+    _take(placement.known, point, place, _SIGMA_OF_APPROXIMATE)
+    placement.start([point])
+    _place_all(placement, frames)
 
 
 def _needs_hint(known: Known, point: int) -> bool:

@@ -12,10 +12,10 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import listed
 from obseq.records.adjustment import LeftOutRecord
+from obseq.survey.initial.counts import unknown_zeros
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import among, codes_for, codes_where
-from obseq.survey.model import Orientation, group_by_station
+from obseq.survey.kinds.registry import codes_where
+from obseq.survey.model import group_by_station
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -122,7 +122,8 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     rows, n = given.book.observations, len(given.points)
     active = _still_active(given, bad_points, bad_stations)
     count = given.book.counts(active, n)
-    free, zeros = given.points.is_free.sum(axis=1), _zeros(given, active)
+    free = given.points.is_free.sum(axis=1)
+    zeros = unknown_zeros(given.points, given.book, given.initial.orientations, active)
     lacking = np.flatnonzero((count < free + zeros) & ~bad_points).tolist()
     if not lacking:
         return []
@@ -134,16 +135,6 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
         Unplaced(f"point {given.points.names[row]}", _too_few(*map(int, numbers[row])) + hints[row], row)
         for row in lacking
     ]
-
-
-def _zeros(given: Determined, active: BoolArray) -> IntArray:
-    """(n,) unknown zeros of circles set up on each free point, which its readings have to give as well."""
-    rows, points = given.book.observations, given.points
-    readings = active & among(rows.types, codes_for(Start.HZ)) & (rows.stations >= 0)
-    stations = np.flatnonzero(np.bincount(rows.stations[readings]))
-    stations = stations[given.initial.orientations[stations] == Orientation.VERT.value]
-    count = np.bincount(given.book.stations.origins[stations], minlength=len(points))[: len(points)]
-    return np.where(points.is_free.any(axis=1) & ~points.in_datum.any(axis=1), count, 0)
 
 
 def _too_few(count: int, free: int, zeros: int) -> str:

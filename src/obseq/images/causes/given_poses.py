@@ -6,22 +6,32 @@ compared with the ones that were given.
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.geometry import exponential
-from obseq.images.adjustment.axes import angles_of, common, turns
-from obseq.images.adjustment.trials import BAD
+from obseq.images.causes.comparison import angles_of, common, turns
+from obseq.images.causes.shared import SharedCause, Told, Trial
+from obseq.images.causes.starts import copied
+from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 from obseq.images.initial.growth import similarity
 from obseq.images.initial.units import UNITS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from obseq.arrays import FloatArray, IntArray
-    from obseq.images.adjustment.trials import Attempts
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.causes.shared import Subject
     from obseq.images.poses import Poses
 
+LEAST, WORST, PAIR = 4, 3, 2
+"""Images of a block in which two may be exchanged; the worst that are tried; how many are exchanged."""
 NEAR = 0.3
 """Share of the way to its own place within which an image is at that of another."""
 ALIKE = 0.2
@@ -52,49 +62,85 @@ TURNS = (
 """Rotation vectors in the axes of the camera, and what they are called."""
 
 
-def misplaced(attempts: Attempts) -> str:
-    """What is wrong with the poses of a block that fits without them, in words; else empty."""
-    observed = [part.poses for part in attempts.block.pose_observations]
-    if not (len(attempts.given) or observed) or len(attempts.block.camera_of) > MOST:
-        return ""
-    made = attempts.copy()
+def _trials(subject: Subject) -> Iterator[Trial]:
+    """The block with exchanged images put right; with poses from its measures alone."""
+    yield from _exchanged(subject)
+    observed = [part.poses for part in subject.block.pose_observations]
+    if not (len(subject.given) or observed) or len(subject.block.camera_of) > MOST:
+        return
+    made = copied(subject.block)
     made.poses, made.pose_observations = made.poses.select([]), []
-    found = attempts.fitting(made, "poses from the measures alone")
-    if found is None or (found.sigma0 or 0.0) > BAD:
-        return ""
-    said = next(
-        filter(None, (in_words(found.poses, poses, bool(observed)) for poses in (attempts.given, *observed))),
-        "",
+    yield Trial(
+        "poses from the measures alone",
+        made,
+        lambda found: next(
+            filter(
+                lambda told: told.said,
+                (compared(found.poses, poses, bool(observed)) for poses in (subject.given, *observed)),
+            ),
+            Told(""),
+        ),
     )
-    return f"{said}; with poses from the measures alone, {attempts.falls(found)}" if said else ""
 
 
-def in_words(found: Poses, given: Poses, are_observed: bool) -> str:
-    """What is wrong with given poses of images that are found at others; empty where nothing is."""
+def _exchanged(subject: Subject) -> Iterator[Trial]:
+    """Names that are exchanged in the measures: each image has the camera of another then.
+
+    Those that ended where the other was given are tried, and the images that fit worst.
+    """
+    if subject.solution is None or len(subject.given) < LEAST or len(subject.block.camera_of) > MOST:
+        return
+    found = exchanged_images(*common(subject.solution.poses, subject.given)).images
+    rms = subject.solution.by_image().rms
+    worst = [subject.solution.poses.images[row] for row in np.argsort(-rms)[:WORST]]
+    pairs = dict.fromkeys([*([found] if len(found) == PAIR else []), *itertools.combinations(worst, PAIR)])
+    for first, second in pairs:
+        other = {first: second, second: first}
+        made, sets = copied(subject.block), []
+        made.poses = subject.given
+        for part in made.sets:
+            names = tuple(other.get(name, name) for name in part.measures.image_names)
+            sets.append(replace(part, measures=replace(part.measures, image_names=names)))
+        made.sets = sets
+        said = f"images {first} and {second} are exchanged in the measures"
+        yield Trial(said, made, partial(_telling, told=Told(said, (first, second))))
+
+
+def _telling(found: BundleSolution, told: Told) -> Told:
+    return told
+
+
+def compared(found: Poses, given: Poses, are_observed: bool) -> Told:
+    """What is wrong with given poses of images that are found at others."""
     new, old = common(found, given)
-    return (
-        exchanged_images(new, old) or _turned(new, old) or _scaled(new, old) or _off(new, old, are_observed)
-    )
+    if (told := exchanged_images(new, old)).said:
+        return told
+    if said := _turned(new, old):
+        return Told(said)
+    if said := _scaled(new, old):
+        return Told(said, code=UNIT_OF_CONTROL.code)
+    return Told(_off(new, old, are_observed))
 
 
-def exchanged_images(found: Poses, given: Poses) -> str:
-    """Images whose places are those that were given for others, in words; empty where none are.
+def exchanged_images(found: Poses, given: Poses) -> Told:
+    """Images whose places are those that were given for others.
 
     Args:
         found: their poses.
         given: poses of the same images.
     """
     if not 2 <= len(found) <= MOST:
-        return ""
+        return Told("")
     apart = np.linalg.norm(found.centres[:, None] - given.centres[None], axis=2)
     everyone, other = np.arange(len(apart)), np.argmin(apart, axis=1)
     rows = np.flatnonzero((other != everyone) & (apart[everyone, other] < NEAR * np.diagonal(apart)))
     if len(rows) < 2 or sorted(other[rows].tolist()) != rows.tolist() or not _are_sharp(apart):
-        return ""
-    names = [found.images[row] for row in rows[:SHOWN]]
+        return Told("")
+    names = [found.images[row] for row in rows]
     places = [f"{found.images[row]} is where {found.images[other[row]]} was given" for row in rows[:SHOWN]]
     more = f", ... ({len(rows)} in all)" if len(rows) > SHOWN else ""
-    return f"images {' and '.join(names)}{more} look exchanged: {', '.join(places)}"
+    said = f"images {' and '.join(names[:SHOWN])}{more} look exchanged: {', '.join(places)}"
+    return Told(said, tuple(names))
 
 
 def _are_sharp(apart: FloatArray) -> bool:
@@ -156,3 +202,14 @@ def _between(centres: FloatArray) -> float:
     np.fill_diagonal(apart, np.inf)
     least = apart.min(axis=1)
     return float(np.median(least[np.isfinite(least)])) if np.isfinite(least).any() else np.inf
+
+
+GIVEN_POSES = SharedCause(
+    "I140",
+    "given poses",
+    "Poses were given, or observed, for other images, or in another convention.",
+    "Two images exchanged in a list, rotations from the world to the camera, kappa of turned images.",
+    "Correct the names or the angles in the list of poses, or leave the poses out.",
+    4.0,
+    _trials,
+)

@@ -1,0 +1,131 @@
+"""The hypotheses of a block, made once; their columns, made at each linearisation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.diagnosis.linear_tests import Columns
+from obseq.images.adjustment.equations import roots_of
+from obseq.images.causes.registry import CAUSES
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.diagnosis.linear import Linear
+    from obseq.images.causes.cause import Cause
+    from obseq.images.causes.numbering import Numbering
+
+STEP = 1e-5
+"""Share of the focal length, and of 1 for the other parameters, by which derivatives are taken."""
+STEP_OF_POINT = 0.1
+"""Pixels: the same of a principal point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """What one hypothesis is.
+
+    Attributes:
+        cause: of it.
+        label: where, in the numbers of the cause.
+        columns: that it changes.
+    """
+
+    cause: Cause
+    label: tuple[int, ...]
+    columns: IntArray
+
+
+class Catalogue:
+    """What may be wrong with a block.
+
+    Attributes:
+        numbering: of its equations.
+        hypotheses: cause by cause.
+    """
+
+    def __init__(self, numbering: Numbering) -> None:
+        self.numbering = numbering
+        self._members = [(cause, cause.where(numbering)) for cause in CAUSES]
+        self._members = [(cause, members) for cause, members in self._members if len(members.labels)]
+        self.hypotheses = Hypotheses(
+            [
+                Family(
+                    cause.code,
+                    members.starts,
+                    members.columns,
+                    cause.rarity,
+                    is_block=cause.is_block,
+                    is_bent=cause.is_bent,
+                    is_start=cause.is_start,
+                )
+                for cause, members in self._members
+            ]
+        )
+
+    def named(self, index: int) -> Named:
+        """What a hypothesis is."""
+        family, k = self.hypotheses.place(index)
+        cause, members = self._members[family]
+        return Named(cause, tuple(members.labels[k].tolist()), self.hypotheses.of(index))
+
+    def columns(self, linear: Linear) -> Columns:
+        """What errors of one unit do to the equations at a linearisation; the unknowns are at it."""
+        from scipy.sparse import csc_array, hstack
+
+        alone = (linear.whitening @ self._mixtures()).tocsc()
+        alone.data *= -1.0
+        parameters = [self._of_parameter(linear, k) for k in range(len(self.numbering.parameters))]
+        own = csc_array(np.column_stack(parameters)) if parameters else csc_array((linear.n, 0))
+        is_local = np.arange(linear.n + len(parameters)) < linear.n
+        return Columns(csc_array(hstack([alone, own], format="csc")), is_local)
+
+    def _mixtures(self) -> csr_array:
+        """(n, n) from errors of observations to those of equations: coordinates may be whitened already."""
+        from scipy.sparse import block_diag, csr_array, eye_array
+
+        numbering = self.numbering
+        batch, given = numbering.equations.control
+        if batch is None:
+            return csr_array(eye_array(numbering.n))
+        rest = numbering.n - numbering.first_control - len(given)
+        parts = [eye_array(numbering.first_control), csr_array(self._coordinates()), eye_array(rest)]
+        return csr_array(block_diag([part for part in parts if part.shape[0]]))
+
+    def _coordinates(self) -> FloatArray:
+        """(k, k) what one unit of each control coordinate is in the equations of its point."""
+        numbering, start = self.numbering, self.numbering.equations.start
+        points, axes = numbering.control.T
+        given = start.is_control[:, None] & ~start.is_held & ~start.is_free
+        roots = roots_of(start.covariances, given)
+        same = points[:, None] == points[None]
+        return np.where(same, roots[points[:, None], axes[:, None], axes[None]], 0.0)
+
+    def _of_parameter(self, linear: Linear, k: int) -> FloatArray:
+        """(n,) what one unit of a held parameter adds to computed minus observed."""
+        numbering = self.numbering
+        parameter, system = numbering.parameters[k], numbering.equations.system
+        at = system.unknowns.components(parameter.block).index(parameter.name)
+        value = system.values([parameter.block])
+        step = STEP_OF_POINT if parameter.name.startswith("PP") else STEP
+        step *= float(value[0, at]) if parameter.name == "F" else 1.0
+        found = []
+        for sign in (1.0, -1.0):
+            moved = value.copy()
+            moved[0, at] += sign * step
+            system.set_values([parameter.block], moved)
+            found.append(
+                np.concatenate(
+                    [system.residuals(item.batch).ravel() for item in numbering.equations.measures]
+                )
+            )
+        system.set_values([parameter.block], value)
+        change = np.zeros(linear.n)
+        change[: numbering.first_control] = np.nan_to_num(found[0] - found[1]) / (2.0 * step)
+        change[: numbering.first_control][~np.repeat(numbering.kept, 2)] = 0.0
+        return np.asarray(linear.whitening @ change)

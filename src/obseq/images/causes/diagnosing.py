@@ -1,0 +1,116 @@
+"""What is wrong with a block: single errors by the engine, then mistakes that the whole block shares."""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
+
+from obseq.diagnosis.engine import diagnose
+from obseq.diagnosis.verdict import Status
+from obseq.images.adjustment.surveys import follower
+from obseq.images.causes.comparison import has_robust_weights, is_mirrored
+from obseq.images.causes.given_poses import GIVEN_POSES, compared
+from obseq.images.causes.model import BlockModel
+from obseq.images.causes.numbering import Numbering
+from obseq.images.causes.record import record_of_fits, record_of_verdict
+from obseq.images.causes.shared import Subject
+from obseq.images.causes.starts import start_from_images, start_from_measures
+from obseq.images.causes.trials import Tries, is_good, may_be_shared, squares
+from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
+from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from obseq.images.adjustment.adjustable import AdjustableBlock
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.causes.trials import Fit
+    from obseq.images.poses import Poses
+
+MANY = 3
+"""Errors from which one mistake that all observations share is likelier."""
+LOGGER = logging.getLogger(__name__)
+MIRRORED = (
+    "the block fits as a mirror image only (points behind the cameras, or a distortion that changes sides): "
+    "axes of image points or control points are not those of here"
+)
+
+
+def silent(said: str) -> None:
+    """Nobody is told."""
+
+
+def diagnosed(
+    solution: BundleSolution,
+    given: Poses,
+    told: Callable[[str], None] = silent,
+    **options: Any,
+) -> DiagnosisRecord | None:
+    """What is wrong with an adjusted block; None where nothing can tell, or the block is too large to look.
+
+    Args:
+        solution: of the block.
+        given: its poses before others were found.
+        told: is told what is being tried; a trial takes as long as an adjustment.
+        options: of `solve`, as they were.
+    """
+    block = cast("AdjustableBlock", solution.block)
+    measures = sum(len(part.measures) for part in block.sets)
+    if solution.sigma0 is None or measures > MOST_MEASURES or options.get("datum") == "none":
+        return None
+    subject = Subject(block, given, solution)
+    is_astray = not solution.converged or is_mirrored(solution)
+    if has_robust_weights(solution):
+        is_bad = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
+        fits = Tries(subject, told, options).best() if is_bad and measures <= MOST_PLACED else []
+        return record_of_fits(fits) if fits else None
+    found = single_errors(block, solution, measures)
+    if not found.accused and solution.converged and is_good(solution):
+        return _of_good(subject, found, told, options)
+    is_explained = found.status == Status.EXPLAINED and not is_mirrored(solution)
+    is_explained &= len(found.accused) < MANY
+    is_much = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
+    if not is_explained and is_much and measures <= MOST_PLACED:
+        fits = Tries(subject, told, options).best()
+        if fits and _is_cheaper(fits[0], found):
+            return record_of_fits(fits)
+        if is_mirrored(solution):
+            return DiagnosisRecord(
+                Status.UNEXPLAINED, squares(solution), solution.result.redundancy, reason=MIRRORED
+            )
+    fits = Tries(subject, told, options).best([UNIT_OF_CONTROL]) if measures <= MOST_PLACED else []
+    return record_of_fits(fits) if fits and _is_cheaper(fits[0], found) else found
+
+
+def _is_cheaper(fit: Fit, found: DiagnosisRecord) -> bool:
+    """Whether a mistake that all share explains at a lower price than what single errors leave and cost."""
+    if not found.accused:
+        return True
+    return fit.left + fit.cause.rarity < found.left + sum(one.limit for one in found.accused)
+
+
+def single_errors(block: AdjustableBlock, solution: BundleSolution, measures: int) -> DiagnosisRecord:
+    """What the engine finds: single observations, images, parameters."""
+    numbering = Numbering(solution.equations, solution.surveys)
+    starts = [partial(find, block) for find in (start_from_measures, start_from_images)]
+    others = starts if measures <= MOST_PLACED else []
+    model = BlockModel(numbering, solution.result, follower(solution.surveys), others)
+    with model.borrowed():
+        verdict = diagnose(model)
+    return record_of_verdict(verdict, model.catalogue)
+
+
+def _of_good(
+    subject: Subject, found: DiagnosisRecord, told: Callable[[str], None], options: dict[str, Any]
+) -> DiagnosisRecord:
+    """What residuals of a block that fits do not show: poses of other images, units, sizes of images."""
+    assert subject.solution is not None
+    observed = bool(subject.block.pose_observations)
+    poses = compared(subject.solution.poses, subject.given, observed)
+    if poses.images:
+        accused = AccusedRecord(GIVEN_POSES.code, poses.said, images=poses.images, text=poses.said)
+        return DiagnosisRecord(Status.EXPLAINED, found.left, found.redundancy, (accused,))
+    fits = Tries(subject, told, options).best()
+    return record_of_fits(fits) if fits else found

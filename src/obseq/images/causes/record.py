@@ -1,0 +1,136 @@
+"""What was found to be wrong with a block, as its record holds it and people read it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.diagnosis.verdict import Status
+from obseq.images.causes.camera_images import CAMERA_IMAGES
+from obseq.images.causes.control_coordinate import CONTROL_COORDINATE
+from obseq.images.causes.control_point import CONTROL_POINT
+from obseq.images.causes.image import IMAGE
+from obseq.records.diagnosis import (
+    AccusedRecord,
+    DiagnosisRecord,
+    KnownRecord,
+    PlaceRecord,
+    SlipRecord,
+    SuspectRecord,
+)
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.diagnosis.verdict import Accusation, Verdict
+    from obseq.images.causes.catalogue import Catalogue, Named
+    from obseq.images.causes.trials import Fit
+
+MOST_NAMED = 3
+"""Places that are listed by name; of more, how many they are."""
+
+
+def record_of_verdict(verdict: Verdict, catalogue: Catalogue) -> DiagnosisRecord:
+    """The record of what the engine found."""
+    accused = tuple(_accused(one, catalogue) for one in verdict.accused)
+    return DiagnosisRecord(verdict.status.value, verdict.left, verdict.redundancy, accused, verdict.reason)
+
+
+def record_of_fits(fits: list[Fit]) -> DiagnosisRecord:
+    """The record of mistakes that the whole block shares; the first of several that nothing tells apart."""
+    first, *others = fits
+    sigma0 = first.solution.sigma0 or 0.0
+    alike = "".join(f", or {other.told.said}" for other in others)
+    said = f"{first.told.said}{alike}: so changed, sigma0 is {sigma0:.3g}"
+    accused = AccusedRecord(
+        first.told.code or first.cause.code,
+        first.told.said,
+        images=first.told.images,
+        text=said,
+        others=tuple(
+            SuspectRecord(fit.told.code or fit.cause.code, fit.told.said, images=fit.told.images)
+            for fit in others
+        ),
+    )
+    status = Status.EXPLAINED if first.is_accepted else Status.UNEXPLAINED
+    return DiagnosisRecord(status.value, first.left, first.solution.result.redundancy, (accused,))
+
+
+def _accused(one: Accusation, catalogue: Catalogue) -> AccusedRecord:
+    named = catalogue.named(one.change.index)
+    others = tuple(_suspect(catalogue.named(other.change.index), catalogue) for other in one.others)
+    own = _suspect(named, catalogue)
+    is_long = named.cause.is_block
+    size = () if is_long else tuple(one.change.size.tolist())
+    sigma = () if is_long else tuple(one.change.sigma.tolist())
+    slips = tuple(SlipRecord(slip.code, slip.text) for slip in one.slips)
+    return AccusedRecord(
+        own.code,
+        own.what,
+        own.observations,
+        own.points,
+        own.images,
+        _text(own.what, one, named, [other.what for other in others]),
+        size,
+        sigma,
+        named.cause.unit,
+        one.test,
+        one.limit,
+        others,
+        slips,
+    )
+
+
+def _suspect(named: Named, catalogue: Catalogue) -> SuspectRecord:
+    """What a hypothesis accuses."""
+    numbering, start = catalogue.numbering, catalogue.numbering.equations.start
+    what = named.cause.words(numbering, named.label)
+    images: tuple[str, ...] = ()
+    points: tuple[KnownRecord, ...] = ()
+    observations: tuple[PlaceRecord, ...] = ()
+    if named.cause is CONTROL_COORDINATE:
+        points = (KnownRecord(start.points[named.label[0]], "xyz"[named.label[1]]),)
+    elif named.cause is CONTROL_POINT:
+        axes = numbering.control[numbering.control[:, 0] == named.label[0], 1]
+        points = tuple(KnownRecord(start.points[named.label[0]], "xyz"[axis]) for axis in axes)
+    elif named.cause is IMAGE:
+        images = (start.poses.images[named.label[0]],)
+    elif named.cause is CAMERA_IMAGES:
+        own = np.flatnonzero(numbering.camera == named.label[0])
+        images = tuple(start.poses.images[row] for row in own)
+    else:
+        observations = _places(named, catalogue)
+    return SuspectRecord(named.cause.code, what, observations, points, images)
+
+
+def _places(named: Named, catalogue: Catalogue) -> tuple[PlaceRecord, ...]:
+    """Where the image points of a hypothesis were read."""
+    numbering, start = catalogue.numbering, catalogue.numbering.equations.start
+    measures = np.unique(named.columns[named.columns < numbering.first_control] // 2)
+    kept = np.cumsum(numbering.kept) - 1
+    found = []
+    for measure in measures.tolist():
+        part = start.sets[numbering.part[measure]].given
+        origin = part.origin or numbering.equations.block.origin
+        row = int(numbering.row[measure])
+        line = int(origin.lines[row]) if origin is not None and origin.lines else 0
+        path = "" if origin is None else origin.path
+        found.append(PlaceRecord(path, line, int(kept[measure])))
+    return tuple(found)
+
+
+def _text(what: str, one: Accusation, named: Named, others: list[str]) -> str:
+    """One error in a sentence or two."""
+    size = "" if named.cause.is_block else f" is off by {_sizes(one.change.size, named.cause.unit)}"
+    told = "".join(f"; {slip.text}" for slip in one.slips[:1])
+    text = f"{what}{size or ' is wrong'}{told}"
+    if not others:
+        return text
+    if len(others) >= MOST_NAMED:
+        return f"{text}; or {len(others)} others, nothing tells them apart"
+    return f"{text}; or {', or '.join(others)}: nothing tells them apart"
+
+
+def _sizes(size: FloatArray, unit: str) -> str:
+    values = ", ".join(f"{value:+.4g}" for value in size.tolist())
+    return (f"({values})" if len(size) > 1 else values) + (f" {unit}" if unit else "")

@@ -1,0 +1,42 @@
+"""Control points in another unit than poses, lengths or observed centres."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from obseq.images.causes.shared import SharedCause, Trial
+from obseq.images.causes.starts import copied
+from obseq.images.initial.units import unit_of_control
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.images.causes.shared import Subject
+
+
+def _trials(subject: Subject) -> Iterator[Trial]:
+    unit = unit_of_control(subject.block, subject.given)
+    if unit is None:
+        return
+    factor, said = unit
+    control = subject.block.control
+    text = f"the control points are {factor:.6g} times as large as the rest of the block says ({said})"
+    for sigmas in (1.0, factor):  # they may be in the unit of the coordinates, or in that of the block
+        made = copied(subject.block)
+        made.poses = subject.given
+        covariances = control.covariances / sigmas**2
+        made.control = replace(control, coordinates=control.coordinates / factor, covariances=covariances)
+        yield Trial.saying(f"control points divided by {factor:.6g}", text, made)
+
+
+UNIT_OF_CONTROL = SharedCause(
+    "I150",
+    "unit of control",
+    "The control points are in another unit than the rest of the block.",
+    "Coordinates in millimetres with poses in metres.",
+    "Give the control points in the unit of the poses, lengths and observed centres.",
+    6.0,
+    _trials,
+    lambda subject: True,
+)

@@ -1,0 +1,201 @@
+"""WHAT: the slips that may be behind an error that was found, and how well they fit.
+
+A slip says nothing of where the error is. It is told where it turns what should have been written into
+what was written, and where a fit by accident is improbable.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.protocol import Slip
+from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, ROW
+from obseq.survey.causes.circle import CIRCLE
+from obseq.survey.causes.distance_constant import CONSTANT
+from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
+from obseq.survey.causes.other_points import other_standpoint, other_target, readings_to
+from obseq.survey.causes.target_height import TARGET_HEIGHT
+from obseq.survey.causes.values import COORDINATE, LIKELY, difference, explain
+from obseq.survey.causes.wrong_standpoint import STANDPOINT
+from obseq.survey.causes.wrong_target import TARGET
+from obseq.survey.kinds.registry import BY_CODE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import FloatArray
+    from obseq.diagnosis.protocol import Change
+    from obseq.report.units import Units
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.causes.catalogue import Named
+    from obseq.survey.causes.effects import Effects
+
+PRISMS = (0.0344, 0.0300, 0.0350, 0.0175, 0.0169, 0.0231, 0.0400, 0.0111, 0.0086)
+"""Constants (m) by which prisms of makers differ from each other and from none."""
+_NOTED = 0.0005
+"""Half of the millimetre to which heights and constants are noted (m)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The network as it is without the errors that were found.
+
+    Attributes:
+        effects: Its sights.
+        computed: (n,) what observations should have been; NaN where it is not known.
+        units: In which values were written.
+        system: Of the coordinates of points.
+    """
+
+    effects: Effects
+    computed: FloatArray
+    units: Units
+    system: PointSystem
+
+
+def slips_of(named: Named, change: Change, evidence: Evidence) -> tuple[Slip, ...]:
+    """The slips behind one error, the likeliest first."""
+    found = _FINDERS.get(named.code)
+    return tuple(sorted(found(named, change, evidence), key=lambda one: one.misfit)) if found else ()
+
+
+def _of_row(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
+    row, notes = int(named.rows[0]), evidence.effects.notes
+    rows = notes.book.observations
+    kind, value, expected = (
+        BY_CODE[int(rows.types[row])],
+        float(rows.values[row]),
+        float(evidence.computed[row]),
+    )
+    tolerance = POLICY.near * float(change.sigma[0])
+    if not math.isfinite(expected) or abs(difference(kind, value, expected)) <= 2.0 * tolerance:
+        return
+    if told := explain(kind, value, expected, tolerance, evidence.units):
+        yield Slip(told.code, told.text, told.chance, is_strong=True)
+    if notes.is_slope[row]:
+        flat = _flat(evidence.effects, row)
+        if abs(value - flat) <= tolerance and 2.0 * tolerance / abs(value) < LIKELY:
+            yield Slip("W109", "the horizontal distance in place of the slope distance", 0.0, is_strong=True)
+    yield from _of_another_reading(named, tolerance, evidence)
+
+
+def _flat(effects: Effects, row: int) -> float:
+    vector, up = effects.vectors[row], effects.up[row]
+    return float(np.linalg.norm(vector - (vector @ up) * up))
+
+
+def _of_another_reading(named: Named, tolerance: float, evidence: Evidence) -> Iterator[Slip]:
+    """A reading to another target, or two readings exchanged."""
+    row, effects = int(named.rows[0]), evidence.effects
+    rows, names = effects.notes.book.observations, effects.notes.book.point_names
+    kind, value = BY_CODE[int(rows.types[row])], float(rows.values[row])
+    alike = (rows.types == rows.types[row]) & (rows.from_points == rows.from_points[row])
+    alike &= (rows.stations == rows.stations[row]) & rows.active
+    for other in np.flatnonzero(alike).tolist():
+        mine = abs(difference(kind, value, evidence.computed[other])) <= tolerance
+        its = abs(difference(kind, float(rows.values[other]), evidence.computed[row])) <= tolerance
+        if other != row and mine and its:
+            yield Slip("W114", f"exchanged with {effects.notes.book.label(other)}", 0.0, is_strong=True)
+            return
+    read = readings_to(effects, evidence.computed, row)
+    off = np.array([abs(difference(kind, value, one)) for one in read.tolist()])
+    span = 2.0 * math.pi if kind.is_angle else 2.0 * abs(value)
+    fits = np.flatnonzero(off <= tolerance)
+    chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / span
+    if fits.size and chance < LIKELY:
+        best = int(fits[np.argmin(off[fits])])
+        yield Slip("W113", f"read to {names[best]}", float(chance), is_strong=False)
+
+
+def _of_target(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
+    if (other := other_target(evidence.effects, evidence.computed, named.rows, change.sigma)) is not None:
+        name = evidence.effects.notes.book.point_names[other]
+        yield Slip("W119", f"it is {name} that was sighted", 0.0, is_strong=True)
+
+
+def _of_standpoint(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
+    if (other := other_standpoint(evidence.effects, named.rows, change.sigma)) is not None:
+        name = evidence.effects.notes.book.point_names[other]
+        yield Slip("W120", f"the instrument stood on {name}", 0.0, is_strong=True)
+
+
+def _of_circle(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
+    turned = abs(math.remainder(float(change.size[0]), 2.0 * math.pi))
+    if abs(turned - math.pi) <= POLICY.near * change.sigma[0]:
+        yield Slip("W118", "the other face was read from there on", 0.0, is_strong=True)
+
+
+def _of_height(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
+    rows = evidence.effects.notes.book.observations
+    is_instrument = named.code == INSTRUMENT_HEIGHT.code
+    heights = rows.from_heights if is_instrument else rows.to_heights
+    written, size = float(np.median(heights[named.rows])), float(change.size[0])
+    tolerance, right = POLICY.near * float(change.sigma[0]) + _NOTED, written - size
+    if abs(size) <= 2.0 * tolerance:
+        return
+    if written == 0.0:
+        yield Slip("W115", f"a height of {right:.3f} m was left out", 0.0, is_strong=right > 0.0)
+    elif abs(right + written) <= tolerance:
+        yield Slip("W116", "the sign of the height is wrong", 0.0, is_strong=True)
+    elif right == 0.0 or abs(right) <= tolerance:
+        yield Slip("W116", "the height does not belong there", 0.0, is_strong=True)
+    else:
+        others = np.unique(np.concatenate([rows.from_heights, rows.to_heights]))
+        near = others[(np.abs(others - right) <= tolerance) & (others != written)]
+        if near.size and len(others) * 2.0 * tolerance / max(float(np.ptp(others)), tolerance) < LIKELY:
+            yield Slip("W117", f"{near[0]:.3f} m, the height of another line, fits", 0.0, is_strong=False)
+
+
+def _of_constant(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
+    size, tolerance = abs(float(change.size[0])), POLICY.near * float(change.sigma[0])
+    near = min(PRISMS, key=lambda one: abs(one - size))
+    if abs(near - size) <= tolerance and len(PRISMS) * 2.0 * tolerance / max(PRISMS) < POLICY.chance:
+        yield Slip("W121", f"prisms differ by {1e3 * near:.1f} mm", 0.0, is_strong=False)
+
+
+def _of_known(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
+    point, component = named.known[0]
+    points, names = evidence.effects.notes.points, evidence.effects.notes.points.names
+    given, fitting = (
+        evidence.system.coordinates(xyz[[point]], [names[point]])[0]
+        for xyz in (points.coordinates, evidence.effects.coordinates)
+    )
+    tolerance = POLICY.near * float(change.sigma[0])
+    value, expected = float(given[component]), float(fitting[component])
+    if abs(value - expected) > 2.0 * tolerance and (
+        told := explain(COORDINATE, value, expected, tolerance, evidence.units)
+    ):
+        yield Slip("W123", told.text, told.chance, is_strong=True)
+
+
+def _of_plan(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
+    points, place = evidence.effects.notes.points, evidence.effects.coordinates
+    point = named.known[0][0]
+    tolerance = POLICY.near * float(np.max(change.sigma)) + _NOTED
+    given, fitting = points.coordinates[point, :2], place[point, :2]
+    if np.abs(given[::-1] - fitting).max() <= tolerance < np.abs(given - fitting).max():
+        yield Slip("W124", "easting and northing are exchanged", 0.0, is_strong=True)
+        return
+    gaps = np.linalg.norm(place[:, :2] - given, axis=1)
+    gaps[point] = np.inf
+    other = int(np.nanargmin(gaps))
+    if gaps[other] <= tolerance:
+        yield Slip("W134", f"these are the coordinates of {points.names[other]}", 0.0, is_strong=True)
+
+
+_FINDERS = {
+    ROW: _of_row,
+    KNOWN: _of_known,
+    KNOWN_PLAN: _of_plan,
+    TARGET.code: _of_target,
+    STANDPOINT.code: _of_standpoint,
+    CIRCLE.code: _of_circle,
+    INSTRUMENT_HEIGHT.code: _of_height,
+    TARGET_HEIGHT.code: _of_height,
+    CONSTANT.code: _of_constant,
+}
