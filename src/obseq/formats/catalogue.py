@@ -143,11 +143,18 @@ FORMATS = (
         "points, or observations of any kind, under named columns",
         point_reader="tables.reader:read_point_table",
     ),
+    Format(
+        "Leica GSI",
+        (".gsi",),
+        "leica.reader:read_gsi",
+        Role.NETWORK,
+        "field books: set-ups, directions, zenith angles, distances, both faces, heights",
+        sign=r"\s*\*?(?:11|41)[\d.]{4}[+-][0-9A-Za-z]{8}",
+    ),
     OBS,
     COR,
 )
 UNREAD = (
-    Format("Leica GSI", (), "", Role.NETWORK, "", sign=r"\s*\*?(?:11|41)[\d.]{4}[+-][0-9A-Za-z]{8}"),
     Format("Sokkia SDR", (), "", Role.NETWORK, "", sign=r"00NMSDR"),
     Format("Carlson RW5", (), "", Role.NETWORK, "", sign=r"(?:--[^\n]*\n)*JB,NM"),
     Format("Trimble JobXML", (), "", Role.NETWORK, "", ("JOBFile",)),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
+from obseq.errors import noting
 from obseq.formats.default_sigmas import parse_sigmas
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.obs.exchanged import told_if_exchanged
@@ -62,7 +63,8 @@ def read_network(
             if point_sigma is not None:
                 options = replace(options, sigma=point_sigma)
             points = _read_free_format(point_files, point_format, options)
-    return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
+    with noting(book.warnings):
+        return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
 
 
 def read_project_network(
@@ -100,7 +102,8 @@ def read_project_network(
         if has_more:
             points = completed(points, read_point_lists(files, sigma, encoding, ignore, own[1] or own[0]))
     coefficient = project.refraction if refraction is None else refraction
-    network = Network.assembled(points, project.book, *own, coefficient, watch, faces)
+    with noting(project.book.warnings):
+        network = Network.assembled(points, project.book, *own, coefficient, watch, faces)
     datum = network.datum if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
     network = replace(
         network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
@@ -122,14 +125,15 @@ def read_project_network(
 
 
 def completed(points: Points, more: Points) -> Points:
-    """Points with those of other files, which say what the first ones leave open.
+    """Points with those of other files, which count where the first ones have first values at most.
 
     Raises:
-        InputError: Both say something of a point.
+        InputError: A point is known to the first ones too.
     """
-    heights, sigmas = points.coordinates[:, 2], points.sigmas[:, 2]
-    has_height = np.isfinite(heights) & ~((heights == 0.0) & (sigmas == 0.0))  # 0, held: of a plane
-    is_open = (~np.isfinite(points.coordinates[:, :2]).any(axis=1) & ~has_height).tolist()
+    is_flat = (points.coordinates[:, 2] == 0.0) & (points.sigmas[:, 2] == 0.0)  # held, of a plane
+    unknown = np.isnan(points.sigmas)
+    unknown[:, 2] |= is_flat
+    is_open = unknown.all(axis=1).tolist()
     given = set(more.names)
     kept = [row for row, name in enumerate(points.names) if not (name in given and is_open[row])]
     return merge_points([points.subset(np.array(kept, np.intp)), more])

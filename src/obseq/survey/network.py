@@ -22,7 +22,7 @@ from obseq.arguments import (
     instance,
 )
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, noting
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
@@ -383,7 +383,8 @@ class Network:
             quality,
             strategy=strategy,
         )
-        adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
+        with noting(self.book.warnings):
+            adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
 
     def gross_errors(self) -> tuple[GrossError, ...]:
