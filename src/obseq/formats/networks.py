@@ -133,10 +133,10 @@ def completed(points: Points, more: Points) -> Points:
     is_flat = (points.coordinates[:, 2] == 0.0) & (points.sigmas[:, 2] == 0.0)  # held, of a plane
     unknown = np.isnan(points.sigmas)
     unknown[:, 2] |= is_flat
-    is_open = unknown.all(axis=1).tolist()
-    given = set(more.names)
-    kept = [row for row, name in enumerate(points.names) if not (name in given and is_open[row])]
-    return merge_points([points.subset(np.array(kept, np.intp)), more])
+    names = set(more.names)
+    given = np.array([name in names for name in points.names], np.bool_)
+    kept = np.flatnonzero(~(given & unknown.all(axis=1)))
+    return merge_points([points.subset(kept), more])
 
 
 def with_axes_told(network: Network) -> Network:

@@ -50,7 +50,8 @@ def _keep_whole_sights(book: FieldBook, rows: IntArray, back: IntArray) -> None:
     """Leaves of single repetitions those that say something.
 
     Instruments repeat a distance to its last digit, and circles are set to zero: where a sight has angles, it
-    is repeated when an angle of it is, which nobody has set, as far back as the distance.
+    is repeated when an angle of it is, which nobody has set, as far back as the distance; or a line is doubled
+    at once.
     """
     found, again = book.observations, back > 0
     is_angle = IS_ANGLE[found.types[rows]]
@@ -58,7 +59,7 @@ def _keep_whole_sights(book: FieldBook, rows: IntArray, back: IntArray) -> None:
     ends = found.from_points[rows].astype(np.int64) << 32 | found.to_points[rows]
     angles = set(zip(ends[is_angle & again].tolist(), back[is_angle & again].tolist(), strict=True))
     alone = [pair not in angles for pair in zip(ends.tolist(), back.tolist(), strict=True)]
-    silent = np.isin(ends, ends[is_angle]) & np.array(alone, np.bool_)
+    silent = np.isin(ends, ends[is_angle]) & np.array(alone, np.bool_) & (back > 1)
     back[~again | silent] = 0
 
 
