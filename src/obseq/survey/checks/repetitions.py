@@ -50,8 +50,8 @@ def _keep_whole_sights(book: FieldBook, rows: IntArray, back: IntArray) -> None:
     """Leaves of single repetitions those that say something.
 
     Instruments repeat a distance to its last digit, and circles are set to zero: where a sight has angles, it
-    is repeated when an angle of it is, which nobody has set, as far back as the distance; or a line is doubled
-    at once.
+    is repeated when an angle of it is, which nobody has set, as far back as the distance. A line that is
+    doubled at once is told.
     """
     found, again = book.observations, back > 0
     is_angle = IS_ANGLE[found.types[rows]]
