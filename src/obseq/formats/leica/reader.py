@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.default_sigmas import lacking
@@ -53,8 +52,7 @@ SHOWN = 5
 _WORD = re.compile(r"(\d\d)([0-9.]{3})([0-9.])([+-])(.+)")
 
 
-@dataclass(frozen=True)
-class _Word:
+class _Word(NamedTuple):
     """A word: its unit, and what it holds with its sign."""
 
     unit: str
@@ -62,8 +60,7 @@ class _Word:
     text: str
 
 
-@dataclass(frozen=True)
-class _Block:
+class _Block(NamedTuple):
     """Words by number, and the line (from 0) that the block begins in."""
 
     line: int
@@ -116,8 +113,8 @@ class _FieldBook:
             if NAME in words and HEIGHT in words and not self._has_stations:
                 self._by_code.append(_name(words[NAME]))
                 self._set_up(block, _name(words[NAME]))
-                height = replace(words[HEIGHT], unit="0")  # codes have no units: millimetres
-                self._from_height = self._length(replace(block, words={HEIGHT: height}), HEIGHT)
+                height = words[HEIGHT]._replace(unit="0")  # codes have no units: millimetres
+                self._from_height = self._length(block._replace(words={HEIGHT: height}), HEIGHT)
             return
         if STATION in words and HORIZONTAL not in words:
             self._set_up(block, _name(words[STATION]))
