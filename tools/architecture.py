@@ -129,7 +129,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "levelled_points": (),
         "includes": ("once",),
         "obs": ("catalogue", "columns", "once", "project"),
-        "tables": ("columns", "default_sigmas", "project"),
+        "tables": ("columns", "default_sigmas", "levelled_points", "project"),
         "comp3d": ("obs", "columns", "includes", "levelled_points", "project"),
         "gama": ("columns", "levelled_points", "project"),
         "dynadjust": ("columns", "project"),

@@ -1,12 +1,16 @@
 """A network in Helmert blocks is the network at once, also when a worker has lost its leaves."""
 
-from concurrent.futures import Future
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from obseq.codegen.ondemand import compile_formula
 from obseq.errors import InputError
+from obseq.formulas import Formula
+from obseq.formulas.blocks import Length, Point3, norm
 from obseq.leastsquares import LeastSquares, solve_in_blocks
 from obseq.leastsquares.helmert.cutting import cut, homes
 from obseq.survey import Network
@@ -142,6 +146,33 @@ def test_a_network_with_known_coordinates(tmp_path):
     differences = parts.system.values(parts.points) - whole.system.values(whole.points)
     assert np.abs(differences).max() < 1e-8
     assert np.allclose(found.variances, expected.cofactors.variances(), rtol=1e-6, atol=0.0)
+
+
+class Doubled(Formula):
+    """Twice a distance, minus what was measured."""
+
+    def residual(self, p1: Point3, p2: Point3, *, twice: Length):
+        """The residual (m)."""
+        return 2 * norm(p2 - p1) - twice
+
+
+@pytest.mark.slow  # a process that imports everything
+def test_a_formula_of_ones_own_goes_to_the_workers_with_its_text():
+    kernel = compile_formula(Doubled())
+
+    def doubled():
+        system, points, _ = network(6)
+        distances = system.batches[-1]
+        system.add(
+            kernel, {"p1": distances.blocks[0], "p2": distances.blocks[1]}, 2.0 * distances.observations, 0.01
+        )
+        return system, points
+
+    (whole, points), (parts, _) = doubled(), doubled()
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        found = solve_in_blocks(parts, 1, pool)
+    assert found.sigma0 == pytest.approx(whole.solve().sigma0, rel=1e-9)
+    assert np.abs(parts.values(points) - whole.values(points)).max() < 1e-9
 
 
 def test_iterations_end_at_their_number():

@@ -99,6 +99,8 @@ def test_write_and_read_again(tmp_path):
 
 def test_points_without_coordinates_are_not_written(tmp_path):
     with pytest.raises(InputError, match="point A has no coordinates"):
+        write_cor(tmp_path / "copy.cor", make_points(["A"], [[NAN, NAN, NAN]]))
+    with pytest.raises(InputError, match="point A has y and z only, which a COR file cannot say"):
         write_cor(tmp_path / "copy.cor", make_points(["A"], [[NAN, 1, 2]]))
 
 

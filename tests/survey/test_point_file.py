@@ -85,7 +85,6 @@ def test_coordinates_are_multiplied(tmp_path):
         ("NXY", "Z missing"),
         ("NXYZZ", "field Z occurs twice"),
         ("NXYZSx", "Sx, Sy and Sz go together"),
-        ("NXYZS", "unknown field S;"),
         ("NXYZW", "unknown field W"),
         ("BlaNXYZ", "unknown field Bla"),
         ("nxyz", "cannot be read"),

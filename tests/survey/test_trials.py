@@ -94,10 +94,10 @@ def test_a_search_begins_with_the_initial_values_of_the_adjustment(planted, tmp_
     """They are computed once; those of trials are others."""
     work, began, values = with_mistake(planted, tmp_path, "one_digit").fieldwork, [], fieldwork.values_by
 
-    def computed(graphs, points, book, vertical):
+    def computed(graphs, points, book, vertical, **options):
         same = np.array_equal(points.coordinates, work.points.coordinates, equal_nan=True)
         began.append(book is work.book and same)
-        return values(graphs, points, book, vertical)
+        return values(graphs, points, book, vertical, **options)
 
     monkeypatch.setattr(fieldwork, "values_by", computed)
     work.initial_values()

@@ -132,6 +132,11 @@ def as_dynaml(network: Network, frame: str | None = None, epoch: str = "") -> Dy
     _refuse_other_ground(network)
     _refuse_corrections(network, "DynAdjust", 0.0)
     points, placed = network.points, network.points.has_coordinates
+    planless = np.flatnonzero(points.is_invented.any(axis=1))
+    if planless.size:
+        raise InputError(
+            f"point {points.names[planless[0]]} has no plan, which DynaML cannot say; write .csv"
+        )
     if not placed.all():
         points = replace(points, coordinates=network.initial_values().coordinates)
     plain = crs.Transformer(network.frame.system, crs.parse(ELLIPSOID))
@@ -238,6 +243,17 @@ def in_own_system(network: Network) -> Points:
     return replace(points, coordinates=coordinates)
 
 
+def _without_inventions(points: Points) -> Points:
+    """The points without what nobody gave: places to compute at are no coordinates."""
+    invented = points.is_invented
+    return replace(
+        points,
+        coordinates=np.where(invented, np.nan, points.coordinates),
+        sigmas=np.where(invented, np.nan, points.sigmas),
+        invented=None,
+    )
+
+
 def known_points(network: Network) -> Points:
     """The points for a COR file: those without coordinates are computed from the observations.
 
@@ -250,7 +266,7 @@ def known_points(network: Network) -> Points:
         computed = network.initial_values().coordinates
         given = points.coordinates
         points = replace(points, coordinates=np.where(np.isnan(given), computed, given))
-    return in_own_system(replace(network, points=points))
+    return _without_inventions(in_own_system(replace(network, points=points)))
 
 
 def tabled_points(network: Network) -> Points:
@@ -267,7 +283,7 @@ def tabled_points(network: Network) -> Points:
             f"point {points.names[deflected[0]]} has a deflection of the vertical, which a table of points "
             "cannot say; write .cor (or --ignore deflections)"
         )
-    return in_own_system(network)
+    return _without_inventions(in_own_system(network))
 
 
 def _refuse_datum(points: Points, what: str) -> None:

@@ -39,7 +39,8 @@ def levelled_points(points: Points, book: FieldBook, place: Sequence[float]) -> 
     heights = _heights(points, book)
     coordinates = [[place[0], place[1], heights.get(row, 0.0)] for row in new]
     names = [book.point_names[row] for row in new]
-    return make_points(names, np.reshape(coordinates, (-1, 3)), np.tile((0.0, 0.0, np.nan), (len(new), 1)))
+    made = make_points(names, np.reshape(coordinates, (-1, 3)), np.tile((0.0, 0.0, np.nan), (len(new), 1)))
+    return replace(made, invented=np.tile((True, True, False), (len(new), 1)))
 
 
 def hold_plans(points: Points, book: FieldBook) -> Points:
@@ -59,9 +60,10 @@ def hold_plans(points: Points, book: FieldBook) -> Points:
         return points
     known = points.coordinates[np.isfinite(points.coordinates[:, :2]).all(axis=1), :2]
     coordinates, sigmas = points.coordinates.copy(), points.sigmas.copy()
+    invented = points.is_invented.copy()
     coordinates[lacking, :2] = known.mean(axis=0) if len(known) else 0.0
-    sigmas[lacking, :2] = 0.0
-    return replace(points, coordinates=coordinates, sigmas=sigmas)
+    sigmas[lacking, :2], invented[lacking, :2] = 0.0, True
+    return replace(points, coordinates=coordinates, sigmas=sigmas, invented=invented)
 
 
 def with_heights(points: Points, book: FieldBook) -> Points:

@@ -29,12 +29,14 @@ HEADER = ("name", "x", "y", "z", "sx", "sy", "sz")
 def adjusted_points(record: AdjustmentRecord) -> Points:
     """The points of a result in their own system, known with their precisions; 0 where they were held.
 
+    What nobody gave and nothing observes (the plan of points that are levelled) is NaN.
+
     Raises:
-        InputError: A point has no coordinates in its system.
+        InputError: A point has no coordinates at all in its system.
     """
     names = [point.name for point in record.points]
     coordinates = _table([(p.crs_x, p.crs_y, p.crs_z) for p in record.points])
-    lacking = np.flatnonzero(~np.isfinite(coordinates).all(axis=1))
+    lacking = np.flatnonzero(~np.isfinite(coordinates).any(axis=1))
     if lacking.size:
         raise InputError(f"point {names[lacking[0]]} has no coordinates in {record.points_crs}")
     return make_points(names, coordinates, _table([_precisions(p) for p in record.points]))

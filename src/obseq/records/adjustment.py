@@ -106,6 +106,8 @@ class IterationRecord(Record, frozen=True):
 class PointRecord(Record, frozen=True):
     """One point: x, y, z and their precisions in the computation frame, crs_* in the input system.
 
+    What nobody gave and nothing observes is None: the plan of points that are levelled, heights in a plane.
+
     Attributes:
         covariance: xx, xy, xz, yy, yz, zz in the computation frame (m^2).
         crs_sx: Precision (m), as crs_sy and crs_sz: along the axes of that system when it is in metres, or
@@ -119,9 +121,9 @@ class PointRecord(Record, frozen=True):
     """
 
     name: str
-    x: float
-    y: float
-    z: float
+    x: float | None
+    y: float | None
+    z: float | None
     sx: float | None
     sy: float | None
     sz: float | None
@@ -135,8 +137,13 @@ class PointRecord(Record, frozen=True):
     ellipse: EllipseRecord | None = None
     ellipsoid: EllipsoidRecord | None = None
     known: str | None = None
-    moved: tuple[float, ...] | None = None
+    moved: tuple[float | None, ...] | None = None
     inner: tuple[float, ...] | None = None
+
+    @property
+    def plan(self) -> tuple[float, float] | None:
+        """X and y; None of a point that has no plan."""
+        return None if self.x is None or self.y is None else (self.x, self.y)
 
 
 class StationRecord(Record, frozen=True):

@@ -103,7 +103,7 @@ def inside(title: str, quantity: str, parts: Iterable[object], name: str, **more
 
 
 def element(
-    title: str, quantity: str, parts: Iterable[Sequence[float] | None], k: int, **more: object
+    title: str, quantity: str, parts: Iterable[Sequence[float | None] | None], k: int, **more: object
 ) -> Column:
     """A column of one element of tuples of which some may be missing."""
     return column(title, quantity, all_small([None if row is None else row[k] for row in parts]), **more)

@@ -38,8 +38,9 @@ class View:
     height: float
 
     def place(self, point: PointRecord) -> tuple[float, float]:
-        """Where a point is drawn."""
-        return MARGIN + (point.x - self.left) * self.scale, MARGIN + (self.top - point.y) * self.scale
+        """Where a point that has a plan is drawn."""
+        x, y = point.plan or (self.left, self.top)
+        return MARGIN + (x - self.left) * self.scale, MARGIN + (self.top - y) * self.scale
 
 
 def network_figure(record: AdjustmentRecord) -> str:
@@ -63,7 +64,7 @@ def plan_figure(
     is_scheme: bool = False,
 ) -> str:
     """A plan as an SVG element; of a large network, not every line of sight and not every name."""
-    points = list(given)
+    points = [point for point in given if point.plan]
     if not points:
         return ""
     view = _view(points)
@@ -81,7 +82,7 @@ def plan_figure(
 
 def _view(points: list[PointRecord]) -> View:
     """The largest view that holds all points, in the middle of the figure."""
-    xs, ys = [point.x for point in points], [point.y for point in points]
+    xs, ys = zip(*(point.plan for point in points if point.plan), strict=True)
     wide, tall = max(xs) - min(xs), max(ys) - min(ys)
     inside = WIDTH - 2.0 * MARGIN
     scale = min(inside / max(wide, 1e-6), TALLEST / max(tall, 1e-6))

@@ -26,7 +26,7 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
     places: list[tuple[float | None, float | None]] = [(None, None)] * len(rows)
     marks = [0] * len(rows)
     for k, point in enumerate(record.points):
-        places[k] = (round(point.x, 4), round(point.y, 4))
+        places[k] = (round(point.plan[0], 4), round(point.plan[1], 4)) if point.plan else (None, None)
         marks[k] = (KNOWN if _is_known(record, point) else 0) | (STATION if point.name in stations else 0)
     for item in record.left_out:
         row = rows.get(item.name)
@@ -87,10 +87,14 @@ def _circles(record: AdjustmentRecord, padding: int) -> dict[str, list[float | N
 
 def _moved(record: AdjustmentRecord, padding: int) -> list[list[float] | None] | None:
     """How far points came from where they were given, in x and y; None where none were given."""
-    found = [
-        None if point.moved is None else [round(v, 5) for v in point.moved[:2]] for point in record.points
-    ]
+    found = [_in_plan(point) for point in record.points]
     return [*found, *[None] * padding] if any(found) else None
+
+
+def _in_plan(point: PointRecord) -> list[float] | None:
+    """How far a point moved in x and y; None where one of them is not known."""
+    shift = [round(value, 5) for value in (point.moved or ())[:2] if value is not None]
+    return shift if len(shift) == 2 else None
 
 
 def _unplaced(record: AdjustmentRecord) -> list[str]:

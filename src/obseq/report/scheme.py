@@ -42,7 +42,7 @@ def scheme(record: AdjustmentRecord) -> Places | None:
 
 def _has_plan(record: AdjustmentRecord) -> bool:
     """Whether most points have a place of their own."""
-    places = {(round(point.x, 3), round(point.y, 3)) for point in record.points}
+    places = {(round(x, 3), round(y, 3)) for x, y in filter(None, (point.plan for point in record.points))}
     return len(places) > 0.5 * len(record.points) and len(record.points) > 1
 
 

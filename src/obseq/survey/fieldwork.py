@@ -83,7 +83,13 @@ class Fieldwork:
     @cached_property
     def _own_values(self) -> InitialValues:
         """Those of these points and observations: an adjustment and a search for gross errors begin there."""
-        return self._computed(self.points, self.book, self._choice)
+        choice, first = self._choice, self._first_values
+        return self._computed(self.points, self.book, choice) if first.rivals else first
+
+    @cached_property
+    def _first_values(self) -> InitialValues:
+        """The same, where points that have several places start at the first of them."""
+        return self._computed(self.points, self.book, Choice())
 
     def _started(self, points: Points, book: FieldBook) -> InitialValues:
         """Initial values of points and observations in the frame."""
@@ -103,7 +109,7 @@ class Fieldwork:
     @cached_property
     def _choice(self) -> Choice:
         """Where points start that have several places, as least squares decides."""
-        found = self._computed(self.points, self.book, Choice())
+        found = self._first_values
         if not found.rivals:
             return Choice()
         from obseq.survey.adjustment.contest import decided

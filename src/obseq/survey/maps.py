@@ -1,7 +1,7 @@
 """Results on maps: points, error ellipses and observations as GeoJSON and GeoPackage.
 
 GeoJSON (RFC 7946) is in longitude, latitude (degrees, WGS 84) and ellipsoidal height, x first; shapes are cut
-at the meridian of 180 degrees. A
+at the meridian of 180 degrees. What has no plan (points that are levelled) has no geometry. A
 GeoPackage is in the system of the points where PROJ knows it, else in longitude and latitude; a plane without
 a place on the Earth is an undefined Cartesian system there, and no GeoJSON at all.
 """
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray
-    from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, ObservationRecord
+    from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, ObservationRecord, PointRecord
 
 
 Properties: TypeAlias = dict[str, object]
@@ -44,7 +44,7 @@ class Layer:
     Attributes:
         name: Of the layer.
         geometry: "Point", "LineString" or "Polygon".
-        shapes: Corners (k, 3) of each feature in the computation frame.
+        shapes: Corners (k, 3) of each feature in the computation frame; none of what has no plan.
         properties: Of each feature.
     """
 
@@ -61,7 +61,7 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
         record: The result.
         ellipse_scale: How many times larger than they are ellipses are drawn.
     """
-    places = {point.name: np.array([point.x, point.y, point.z]) for point in record.points}
+    places = {point.name: _corner(point) for point in record.points}
     points = [
         {key: getattr(point, key) for key in ("name", "sx", "sy", "sz", "crs_sx", "crs_sy", "crs_sz")}
         for point in record.points
@@ -70,7 +70,7 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
     ends = places.keys()
     seen = [o for o in record.observations if {o.origin, o.target} <= ends and o.origin != o.target]
     return [
-        Layer("points", "Point", [places[p.name][None] for p in record.points], points),
+        Layer("points", "Point", [places[p.name] for p in record.points], points),
         Layer(
             "ellipses",
             "Polygon",
@@ -80,10 +80,20 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
         Layer(
             "observations",
             "LineString",
-            [np.array([places[o.origin], places[o.target]]) for o in seen],
+            [_line(places[o.origin], places[o.target]) for o in seen],
             [_of_observation(o) for o in seen],
         ),
     ]
+
+
+def _corner(point: PointRecord) -> FloatArray:
+    """(1, 3) where a point is, at height 0 where nobody knows its height; (0, 3) without a plan."""
+    return np.array([[*point.plan, point.z or 0.0]]) if point.plan else np.zeros((0, 3))
+
+
+def _line(start: FloatArray, end: FloatArray) -> FloatArray:
+    """(2, 3) both ends; (0, 3) where one of them has no plan."""
+    return np.concatenate([start, end]) if len(start) and len(end) else np.zeros((0, 3))
 
 
 def _of_ellipse(name: str, ellipse: EllipseRecord, scale: float) -> Properties:
@@ -109,7 +119,7 @@ def _ring(centre: FloatArray, ellipse: EllipseRecord, scale: float) -> FloatArra
     across = np.array([-along[1], along[0], 0.0])
     angles = np.linspace(0.0, 2.0 * np.pi, RING + 1)[:, None]
     offsets = ellipse.semi_major * np.cos(angles) * along + ellipse.semi_minor * np.sin(angles) * across
-    corners = centre + scale * offsets
+    corners = centre[0] + scale * offsets
     corners[-1] = corners[0]
     return np.asarray(corners)
 
@@ -134,11 +144,13 @@ def geojson(record: AdjustmentRecord, ellipse_scale: float) -> str:
 def _features(layer: Layer, frame: crs.CoordinateSystem) -> Iterator[Properties]:
     if not layer.shapes:
         return
-    geodetic = frame.geodetic(np.concatenate(layer.shapes))
+    whole = np.concatenate(layer.shapes)
+    geodetic = frame.geodetic(whole) if len(whole) else whole
     degrees = np.column_stack([np.degrees(geodetic[:, :2]), geodetic[:, 2]])
     ends = np.cumsum([len(shape) for shape in layer.shapes])[:-1]
     for corners, properties in zip(np.split(degrees, ends), layer.properties, strict=True):
-        geometry = _geometry(layer.geometry, [_rounded(part) for part in cut(corners)])
+        parts = [_rounded(part) for part in cut(corners)] if len(corners) else []
+        geometry = _geometry(layer.geometry, parts) if parts else None
         yield {"type": "Feature", "geometry": geometry, "properties": {"layer": layer.name} | properties}
 
 
@@ -197,12 +209,15 @@ def _well_known(
     layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem
 ) -> npt.NDArray[np.object_]:
     """(n,) shapes as well-known binary, x first."""
-    corners = crs.Transformer(frame, target).forward(np.concatenate(layer.shapes))
+    whole = np.concatenate(layer.shapes)
+    corners = crs.Transformer(frame, target).forward(whole) if len(whole) else whole
     parts = np.split(corners, np.cumsum([len(shape) for shape in layer.shapes])[:-1])
     codes = {"Point": (1001, ()), "LineString": (1002, ("n",)), "Polygon": (1003, ("1", "n"))}
     code, counts = codes[layer.geometry]
     found = np.empty(len(parts), object)
     for k, part in enumerate(parts):
+        if not len(part):
+            continue  # no geometry
         heads = [code, *(len(part) if count == "n" else 1 for count in counts)]
         found[k] = b"\x01" + np.array(heads, "<u4").tobytes() + part.astype("<f8").tobytes()
     return found

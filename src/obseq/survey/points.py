@@ -51,6 +51,8 @@ class Points:
         covariance: what replaces the sigmas of some known coordinates; None for nothing.
         datum: (n, 3) true for free components that carry the datum of a free network: the sum of squares of
             their changes from the coordinates of the file is least; None for none.
+        invented: (n, 3) true for components that nobody gave and nothing observes: what stands there, held,
+            is a place to compute at, and no result; None for none.
     """
 
     names: tuple[str, ...]
@@ -63,6 +65,7 @@ class Points:
     lines: IntArray
     covariance: CoordinateCovariance | None = None
     datum: BoolArray | None = None
+    invented: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -71,6 +74,11 @@ class Points:
     def in_datum(self) -> BoolArray:
         """(n, 3) true for the components that carry the datum."""
         return np.zeros((len(self), 3), np.bool_) if self.datum is None else self.datum
+
+    @property
+    def is_invented(self) -> BoolArray:
+        """(n, 3) true for the components that are no result."""
+        return np.zeros((len(self), 3), np.bool_) if self.invented is None else self.invented
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -104,6 +112,7 @@ class Points:
             file_indices=self.file_indices[rows],
             lines=self.lines[rows],
             datum=None if self.datum is None else self.datum[rows],
+            invented=None if self.invented is None else self.invented[rows],
         )
 
     def place(self, row: int) -> str:
@@ -187,16 +196,19 @@ def merge_points(parts: Sequence[Points]) -> Points:
         file_indices=np.concatenate([np.zeros(0, np.int32), *indices]).astype(np.int32),
         lines=np.concatenate([np.zeros(0, np.int32)] + [part.lines for part in parts]),
         covariance=next((part.covariance for part in parts if part.covariance), None),
-        datum=_merged_datum(parts),
+        datum=_merged(parts, [part.datum for part in parts]),
+        invented=_merged(parts, [part.invented for part in parts]),
     )
     _require_unique(merged)
     return merged
 
 
-def _merged_datum(parts: Sequence[Points]) -> BoolArray | None:
-    if all(part.datum is None for part in parts):
+def _merged(parts: Sequence[Points], marks: Sequence[BoolArray | None]) -> BoolArray | None:
+    """Marks of components, none where a part has none."""
+    if all(mark is None for mark in marks):
         return None
-    return np.concatenate([part.in_datum for part in parts])
+    pairs = zip(parts, marks, strict=True)
+    return np.concatenate([np.zeros((len(p), 3), np.bool_) if m is None else m for p, m in pairs])
 
 
 def _require_unique(points: Points) -> None:

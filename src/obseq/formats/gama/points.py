@@ -13,7 +13,7 @@ from obseq.reading.text import quoted
 from obseq.survey.model import Points
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.reading.text import TextFile
     from obseq.reading.xml import Element
 
@@ -126,7 +126,7 @@ class PointTable:
         self._require_coordinates(used)
         coordinates = np.array([p.coordinates for p in used.values()], np.float64).reshape(-1, 3)
         sigmas = np.array([p.sigmas() for p in used.values()], np.float64).reshape(-1, 3)
-        self._fill(coordinates, used)
+        invented = self._fill(coordinates, used)
         datum = np.array([p.datum() for p in used.values()], np.bool_).reshape(-1, 3)
         n = len(used)
         return Points(
@@ -139,6 +139,7 @@ class PointTable:
             file_indices=np.zeros(n, np.int32),
             lines=np.array([p.line for p in used.values()], np.int32),
             datum=datum if datum.any() else None,
+            invented=invented if invented.any() else None,
         )
 
     def _require_coordinates(self, used: dict[str, GamaPoint]) -> None:
@@ -152,15 +153,21 @@ class PointTable:
                 )
 
     @staticmethod
-    def _fill(coordinates: FloatArray, used: dict[str, GamaPoint]) -> None:
-        """What takes no part has some place: plans in the middle of the others, heights at 0."""
+    def _fill(coordinates: FloatArray, used: dict[str, GamaPoint]) -> BoolArray:
+        """What takes no part has some place: plans in the middle of the others, heights at 0.
+
+        Returns:
+            (n, 3) which components these are.
+        """
+        invented = np.zeros(coordinates.shape, np.bool_)
         plan = coordinates[np.isfinite(coordinates[:, 0]), :2]
         middle = plan.mean(axis=0) if len(plan) else np.zeros(2)
         for row, point in enumerate(used.values()):
             if not point.has_plan:
-                coordinates[row, :2] = middle
+                coordinates[row, :2], invented[row, :2] = middle, True
             if not point.has_height:
-                coordinates[row, 2] = 0.0
+                coordinates[row, 2], invented[row, 2] = 0.0, True
+        return invented
 
 
 def _agree(element: Element, name: str, point: GamaPoint) -> None:

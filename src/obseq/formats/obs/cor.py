@@ -284,6 +284,9 @@ def _cor_line(points: Points, row: int) -> str:
     name, xyz, sigmas = points.names[row], points.coordinates[row], points.sigmas[row]
     check_writable(name)
     if not np.isfinite(xyz).all():
+        if np.isfinite(xyz).any():
+            known = " and ".join(axis for axis, value in zip("xyz", xyz, strict=True) if np.isfinite(value))
+            raise InputError(f"point {name} has {known} only, which a COR file cannot say; write .csv")
         raise InputError(f"point {name} has no coordinates; leave it out of the COR file")
     start = " ".join([name, *(repr(float(value)) for value in xyz)])
     plumb = points.deflections[row] / RADIANS_PER_ARC_SECOND

@@ -9,6 +9,7 @@ import numpy as np
 
 from obseq.errors import InputError, ObseqError
 from obseq.formats.columns import Columns, Measure
+from obseq.formats.levelled_points import hold_plans, with_heights
 from obseq.formats.project import Project
 from obseq.formats.tables.clusters import Clusters
 from obseq.formats.tables.table import CLUSTERED, Table, shown_in
@@ -73,7 +74,9 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
         raise InputError(_only_of(paths, "observations" if points else "points"))
     points.append(make_points([], np.zeros((0, 3))))
     shown = shown_in(frozenset(named))
-    return Project(merge_points(points), columns.field_book(), shown=shown, units=np.array(units))
+    book = columns.field_book()
+    given = with_heights(hold_plans(merge_points(points), book), book)
+    return Project(given, book, shown=shown, units=np.array(units))
 
 
 def read_point_table(path: str | Path, encoding: str) -> tuple[Points, list[float]]:

@@ -11,6 +11,9 @@ rounding), and carried to the datum by the S-transformation of Baarda: with
 
 M^-1 any generalised inverse of N. So the sparse factor stays sparse, and precisions cost as many extra
 solutions as the kernel has dimensions. (W. Baarda, S-transformations and criterion matrices, 1973.)
+
+Motions that the observations show too weakly to count are held in the same way. They are in G, and N G is not
+quite 0: `Border` has what that adds.
 """
 
 from __future__ import annotations
@@ -41,8 +44,34 @@ NEW = 0.1
 ROUNDING = 1e-14
 """Share of a variance that the datum leaves as rounding: what it alone determines has none."""
 
+VANISHING = 1e-12
+"""Share of what the diagonal of N makes of a motion below which N makes nothing of it."""
+
 WEAKEST_DATUM = 1e-12
 """Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """What is added to S M^-1 S' where N G is not 0: M = N + E W E', E the held unknowns.
+
+    Within the datum, G_D' dx = 0, the inverse of M is S M^-1 S' - Y C Y' with Y = S M^-1 G_D and
+    C = (G_D' M^-1 G_D)^-1. That of N has Z F Z' besides, Z the former times E W^(1/2) and
+    F = (I - W^(1/2) E' Z)^-1.
+
+    Attributes:
+        vectors: (n, 2 k) Y and Z.
+        core: (2 k, 2 k) -C and F.
+        pull: (n, k) N G.
+    """
+
+    vectors: FloatArray
+    core: FloatArray
+    pull: FloatArray
+
+    def times(self, right: FloatArray) -> FloatArray:
+        """What is added of right-hand sides (n,) or (n, k)."""
+        return np.asarray(self.vectors @ (self.core @ (self.vectors.T @ right)))
 
 
 @dataclass(frozen=True)
@@ -97,6 +126,7 @@ class DatumSolver:
         self._is_factored = False
         self._kernel = np.zeros((len(chosen), 0))
         self._to_kernel = np.zeros((0, len(chosen)))
+        self._border: Border | None = None
         self._pattern: SymmetricPattern | None = None
 
     @property
@@ -149,20 +179,48 @@ class DatumSolver:
         seen = self._kernel[self._chosen]
         self._to_kernel = np.zeros((self.dimension, len(self._chosen)))
         self._to_kernel[:, self._chosen] = np.linalg.solve(_fixed(seen), seen.T)
+        self._border = self._border_of(values)
         self._is_factored = True
 
-    def solve(self, rhs: ArrayLike) -> FloatArray:
-        """S M^-1 S' times one right-hand side (n,) or several (n, k)."""
-        right = np.asarray(rhs, dtype=np.float64)
-        right = right - self._to_kernel.T @ (self._kernel.T @ right)
-        solved = self._solver.solve(right)
+    def _border_of(self, values: FloatArray) -> Border | None:
+        """What loose motions add; None where all of the kernel is free, to rounding."""
+        kernel = self._kernel
+        pull = self._pattern_analysed.product(values, kernel) if self.dimension else kernel
+        weights = np.maximum(values[self._pattern_analysed.diagonal], 0.0)
+        if not (np.abs(kernel * pull).sum(axis=0) > VANISHING * (weights @ np.square(kernel))).any():
+            return None
+        chosen = np.where(self._chosen[:, None], kernel, 0.0)
+        through = self._solver.solve(chosen)
+        first, inner = self._apart(through), np.linalg.inv(chosen.T @ through)
+        held = np.zeros_like(kernel)
+        held[self._held_unknowns, np.arange(self.dimension)] = np.sqrt(self._weights(values))
+        last = self._projected(held) - first @ (inner @ (first.T @ held))
+        core = np.zeros((2 * self.dimension, 2 * self.dimension))
+        core[: self.dimension, : self.dimension] = -inner
+        core[self.dimension :, self.dimension :] = np.linalg.inv(np.eye(self.dimension) - held.T @ last)
+        return Border(np.hstack([first, last]), (core + core.T) / 2.0, pull)
+
+    def _apart(self, solved: FloatArray) -> FloatArray:
+        """S times solutions (n,) or (n, k)."""
         return np.asarray(solved - self._kernel @ (self._to_kernel @ solved))
 
+    def _projected(self, right: FloatArray) -> FloatArray:
+        """S M^-1 S' times right-hand sides (n,) or (n, k)."""
+        return self._apart(self._solver.solve(right - self._to_kernel.T @ (self._kernel.T @ right)))
+
+    def solve(self, rhs: ArrayLike) -> FloatArray:
+        """Q times one right-hand side (n,) or several (n, k)."""
+        right = np.asarray(rhs, dtype=np.float64)
+        solved = self._projected(right)
+        return solved if self._border is None else solved + self._border.times(right)
+
     def settle(self, step: FloatArray) -> FloatArray:
-        """The step (n,) that ends on the datum; observations do not see the difference."""
+        """The step (n,) that ends on the datum; what observations see of the difference is made good."""
         if self._beyond is not None and self.dimension:
             return np.asarray(step - self._kernel @ self._beyond.shift(step, self._kernel))
-        return np.asarray(step - self._kernel @ (self._to_kernel @ (step + self._offset())))
+        shift = self._to_kernel @ (step + self._offset())
+        settled = np.asarray(step - self._kernel @ shift)
+        return settled if self._border is None else settled + self.solve(self._border.pull @ shift)
 
     def selected_inverse(self) -> FloatArray:
         """(nnz,) entries of S M^-1 S' on the pattern: Q - G A' - A G' + G C G', A = M^-1 H', C = H A."""
@@ -176,6 +234,10 @@ class DatumSolver:
         half = across - 0.5 * self._kernel @ within
         for kernel, shift in zip(self._kernel.T, half.T, strict=True):
             entries -= kernel[rows] * shift[columns] + shift[rows] * kernel[columns]
+        if self._border is not None:
+            vectors = self._border.vectors
+            for one, share in zip(vectors.T, (vectors @ self._border.core).T, strict=True):
+                entries += one[rows] * share[columns]
         is_none = ~(entries[self._pattern.diagonal] > ROUNDING * before)
         entries[is_none[rows] | is_none[columns]] = 0.0
         return entries

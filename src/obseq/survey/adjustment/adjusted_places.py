@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")
 """Fields of a point record, in the order in which they are filled."""
+ROWS, COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
+"""Of the upper triangle of a covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +55,21 @@ class AdjustedPoints:
 
     def records(self, ellipses: Iterable[EllipseRecord]) -> Iterator[PointRecord]:
         """Their entries in the record, each with its ellipse."""
-        upper = self.covariances[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
+        upper = self.covariances[:, ROWS, COLUMNS]
         numbers = [self.coordinates, self.precisions, self.crs_coordinates, self.crs_precisions]
-        rows = np.hstack(numbers).tolist()
-        for name, row, covariance, ellipse in zip(self.names, rows, upper.tolist(), ellipses, strict=True):
-            keys = dict(zip(COORDINATES, row, strict=True))
-            yield PointRecord(name=name, **keys, covariance=tuple(covariance), ellipse=ellipse)
+        rows = np.hstack(numbers)
+        invented = self.points.is_invented
+        rows[np.tile(invented, 4)] = upper[invented[:, ROWS] | invented[:, COLUMNS]] = np.nan
+        is_planless: list[bool] = np.asarray(invented[:, :2].any(axis=1)).tolist()
+        for k, (name, ellipse) in enumerate(zip(self.names, ellipses, strict=True)):
+            keys: dict[str, Any] = dict(zip(COORDINATES, _known(rows[k]), strict=True))
+            keys |= {"covariance": tuple(_known(upper[k])), "ellipse": None if is_planless[k] else ellipse}
+            yield PointRecord(name=name, **keys)
+
+
+def _known(numbers: FloatArray) -> list[float | None]:
+    """The numbers; None for what is not known."""
+    return [None if number != number else number for number in numbers.tolist()]
 
 
 @dataclass(frozen=True, eq=False)

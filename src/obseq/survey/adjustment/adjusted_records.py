@@ -39,7 +39,8 @@ _TYPES_LEVEL = 0.01
 
 def known_letters(points: Points) -> list[str]:
     """Which coordinates of each point are known, of "xyz"; those held fixed in capitals."""
-    letters = np.where(points.is_free, "", np.where(points.is_held, ["X", "Y", "Z"], ["x", "y", "z"]))
+    is_unknown = points.is_free | points.is_invented
+    letters = np.where(is_unknown, "", np.where(points.is_held, ["X", "Y", "Z"], ["x", "y", "z"]))
     return ["".join(row) for row in letters.tolist()]
 
 
@@ -61,14 +62,15 @@ def unused_azimuths(book: FieldBook, g0: FloatArray) -> dict[int, float]:
 
 def moves(
     points: Points, coordinates: FloatArray, placeholders: Collection[str]
-) -> list[tuple[float, ...] | None]:
+) -> list[tuple[float | None, ...] | None]:
     """How far each point came from the coordinates that were given (m).
 
     None where none were, or placeholders (names of points): what the observations contradict, 0 0 0 say.
     """
-    shifts, given = (coordinates - points.coordinates).tolist(), points.has_coordinates.tolist()
+    shifts, given = coordinates - points.coordinates, points.has_coordinates.tolist()
+    shifts[points.is_invented] = np.nan
     return [
-        tuple(shift) if is_given and name not in placeholders else None
+        tuple(defined(shift)) if is_given and name not in placeholders else None
         for name, shift, is_given in zip(points.names, shifts, given, strict=True)
     ]
 
