@@ -29,7 +29,7 @@ WITH_EXAMPLES = [
     ROOT / "docs" / "scaling.md",
     ROOT / "docs" / "survey-files.md",
 ]
-OF_ROOMS = {"coordinate-systems.md", "extend.md", "write-a-formula.md"}
+OF_ROOMS = {"coordinate-systems.md", "extend.md", "targets.md", "write-a-formula.md"}
 """Pages whose examples are run by the tests of their rooms."""
 DEMO = ROOT / "src" / "obseq" / "survey" / "data"
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -14,7 +14,7 @@ from referee.network import Observation, Point, Setup
 
 from obseq.survey import Network
 
-SEEDS = (6, 7, 11, 12, 13, 14, 18, 24, 25, 30, 42, 49, 66)
+SEEDS = (6, 7, 11, 12, 13, 14, 18, 24, 25, 30, 42, 49, 62, 66, 686, 1528, 1817)
 """Of `tools/benchmarks/bench_independent.py`, which does thousands: of all dialects of files and places."""
 
 

@@ -60,7 +60,7 @@ def measures(book, kind, pairs):
             stations[a] = book.open_station(a, orientation)
         if kind.group == "Barycentre":
             group = book.open_barycentre((b, (b + 1) % len(PLACES)), (0.4, 0.6))
-        if kind.is_combination:
+        if kind.name == "Normal":
             group = book.open_normal_row((a, b), (0.6, 0.0, 0.0, 0.0, -0.8, 0.0))
         third = next(row for row in range(len(PLACES)) if row not in (a, b)) if kind.name == "Angle" else -1
         station = stations.get(a, -1)

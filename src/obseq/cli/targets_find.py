@@ -56,6 +56,9 @@ def _register_find(commands: Commands) -> None:
     command.add_argument(
         "--csv", type=output_file, metavar="FILE", help="table of the measures, - to print it"
     )
+    command.add_argument(
+        "--block", type=output_file, metavar="FILE", help="table of measures for `obseq bundle --measures`"
+    )
     command.add_argument("--why", type=output_file, metavar="FILE", help="table of what was seen and refused")
     command.add_argument(
         "--mmvii", type=Path, metavar="DIR", help="write MesIm-IMAGE.xml there, with the variances"
@@ -121,7 +124,7 @@ def find(arguments: argparse.Namespace) -> int:
 
 
 def _outputs(arguments: argparse.Namespace, names: list[str]) -> list[Path]:
-    single = [path for path in (arguments.csv, arguments.why, arguments.page) if path]
+    single = [path for path in (arguments.csv, arguments.block, arguments.why, arguments.page) if path]
     each = [arguments.mmvii / f"MesIm-{name}.xml" for name in names] if arguments.mmvii else []
     each += [arguments.overlay / f"{name}.png" for name in names] if arguments.overlay else []
     return single + each
@@ -130,11 +133,20 @@ def _outputs(arguments: argparse.Namespace, names: list[str]) -> list[Path]:
 def _texts(
     arguments: argparse.Namespace, found: "Mapping[str, Found]", cells: list[tuple[float, str]]
 ) -> dict[Path, str | bytes]:
-    from obseq.targets import measures_of, mmvii_text, page_text, refusals_text, table_text
+    from obseq.targets import (
+        block_text,
+        measures_of,
+        mmvii_text,
+        page_text,
+        refusals_text,
+        table_text,
+    )
 
     texts: dict[Path, str | bytes] = {}
     if arguments.csv:
         texts[arguments.csv] = table_text(found, of_ellipse=arguments.ellipse)
+    if arguments.block:
+        texts[arguments.block] = block_text(measures_of(found, of_ellipse=arguments.ellipse))
     if arguments.why:
         texts[arguments.why] = refusals_text(found)
     if arguments.mmvii:

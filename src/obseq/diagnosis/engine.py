@@ -82,7 +82,7 @@ class Search(Generic[Place]):
             best = better(best, found)
             if best is not None and best.is_accepted and len(best.chosen) == 1:
                 return best  # several may be the price of a wrong place: look from the other
-        if best is not None and not best.is_accepted:
+        if best is not None and not best.is_accepted and _stands_out(best):
             best = self._without_the_worst(best)
         return best
 
@@ -203,3 +203,11 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     which = which[np.argsort(-count[which], kind="stable")]
     left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy
     return list(map(int, which[left]))
+
+
+def _stands_out(found: Explanation[Place]) -> bool:
+    """Whether something contradicts the rest still, if the noise is as large as what is left."""
+    tests, chosen = found.tests, found.chosen
+    noise = max(found.left / max(found.redundancy, 1), 1.0)
+    tested = tests.tests(tests.given(chosen), chosen, blocks=False)
+    return bool((tested.statistic > noise * tested.limit).any())

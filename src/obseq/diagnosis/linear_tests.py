@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.policy import Policy
 
-_CHUNK = 64
+_CHUNK, _KEPT = 64, 8
+"""Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY = 1e-300
 
 
@@ -105,6 +106,7 @@ class LinearTests:
         self.off = np.asarray(self._transposed @ linear.residuals)
         self.shown = np.asarray(self._transposed @ left)
         self._across: dict[int, FloatArray] = {}
+        self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._first_weights(columns)
         degrees, counts = np.unique(hypotheses.q[~hypotheses.is_block], return_counts=True)
         tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in zip(degrees, counts, strict=True))
@@ -201,6 +203,14 @@ class LinearTests:
         """What is left to the columns when hypotheses are unknowns of the model."""
         if not len(chosen):
             return Given(np.zeros((0, len(self.shown))), self.shown, 0.0)
+        key = tuple(sorted(map(int, chosen)))
+        if key not in self._given:
+            while len(self._given) >= _KEPT:
+                self._given.pop(next(iter(self._given)))
+            self._given[key] = self._made(key)
+        return self._given[key]
+
+    def _made(self, chosen: tuple[int, ...]) -> Given:
         own = np.unique(np.concatenate([self.hypotheses.of(i) for i in chosen]))
         rows = self.rows_of(own)
         shares, axes = np.linalg.eigh(rows[:, own])

@@ -112,6 +112,8 @@ def merged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
 def simplified(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """The same with a special case of one column in place of several, where nothing contradicts that."""
     now = list(chosen)
+    if not _are_few(tests, now):
+        return now
     for i in [i for i in now if tests.hypotheses.q[i] > 1]:
         special = tests.within(now, i)
         if not special.size:

@@ -8,6 +8,7 @@ from .finding import Found as Found
 from .finding import Refusal as Refusal
 from .finding import Target as Target
 from .measures import Measure as Measure
+from .measures import block_text as block_text
 from .measures import image_points as image_points
 from .measures import measures_of as measures_of
 from .measures import mmvii_text as mmvii_text

@@ -169,6 +169,17 @@ def measures_text(measures: Sequence[Measure]) -> str:
     return stream.getvalue()
 
 
+def block_text(measures: Sequence[Measure]) -> str:
+    """The table of measures that `obseq bundle` reads, with sigmas; no spots without code."""
+    rows = ["image,point,x,y,sx,sy"]
+    for one in measures:
+        if not one.point.startswith(UNCODED):
+            x, y = one.xy
+            sx, sy = np.sqrt(np.diag(one.covariance))
+            rows.append(f"{one.image},{one.point},{x:.4f},{y:.4f},{sx:.5f},{sy:.5f}")
+    return "\n".join(rows) + "\n"
+
+
 def read_table(path: str | Path) -> list[Measure]:
     """The measures of a table that was written here.
 

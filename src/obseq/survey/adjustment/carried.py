@@ -91,4 +91,9 @@ def _place(places: Mapping[str, int], names: tuple[str, ...]) -> int | None:
 
 def _levers(sights: FloatArray, turns: FloatArray) -> FloatArray:
     """(n, 3, 3) s x w of sights (n, 3) and turns (n, 3, 3), whose columns are those of the movement."""
-    return np.cross(sights[:, :, None], turns, axis=1)
+    x, y, z = sights.T[:, :, None]
+    found = np.empty((len(sights), 3, 3))  # np.cross takes three times as long
+    found[:, 0] = y * turns[:, 2] - z * turns[:, 1]
+    found[:, 1] = z * turns[:, 0] - x * turns[:, 2]
+    found[:, 2] = x * turns[:, 1] - y * turns[:, 0]
+    return found

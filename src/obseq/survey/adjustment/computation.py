@@ -52,8 +52,8 @@ def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equati
 
 
 def replaced_coordinates(points: Points, system: PointSystem, initial: InitialValues) -> tuple[Replaced, ...]:
-    """The approximate coordinates that are not used, in the system of the points."""
-    rows = list(initial.replaced)
+    """The approximate coordinates of files that are not used, in the system of the points."""
+    rows = [row for row in initial.replaced if points.has_coordinates[row]]
     if not rows:
         return ()
     names = [points.names[row] for row in rows]

@@ -12,7 +12,7 @@ from obseq.survey.adjustment.carried import moves_of
 from obseq.survey.adjustment.families import Family, family_of, present, rows_by_family
 from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
-from obseq.survey.adjustment.known_coordinates import KnownCoordinates
+from obseq.survey.adjustment.known_coordinates import SAME_PLACE, KnownCoordinates
 from obseq.survey.adjustment.labels import Labels
 from obseq.survey.adjustment.loose_motions import loose_motions
 from obseq.survey.adjustment.plumb import Plumb
@@ -76,7 +76,7 @@ class Equations:
         self._frame = frame
         self._plumb = Plumb(frame, points)
         self._book = book
-        self._followed = initial.coordinates
+        self._followed = self._carried_at = initial.coordinates
         self._has_grid = bool((book.stations.orientations == Orientation.GRID.value).any())
         self.system = LeastSquares() if system is None else system
         self.points = self._blocks_of_points(points, initial.coordinates, shared or {})
@@ -106,7 +106,8 @@ class Equations:
             book: The same observations; those that are inactive get no weight.
             initial: Where points and stations start.
         """
-        self._book, self._plumb, self._followed = book, Plumb(self._frame, points), initial.coordinates
+        self._book, self._plumb = book, Plumb(self._frame, points)
+        self._followed = self._carried_at = initial.coordinates
         self._site = replace(self._site, plumb=self._plumb, book=book)
         self.system.set_values(self.points, initial.coordinates)
         self.instruments.restart(self.system, self._plumb, initial)
@@ -257,8 +258,11 @@ class Equations:
         if not np.array_equal(coordinates, self._followed):
             self._followed = coordinates
             self.instruments.follow(self.system, coordinates)
+            has_moved = bool((np.abs(coordinates - self._carried_at) > SAME_PLACE).any())
+            self._carried_at = coordinates if has_moved else self._carried_at
             for family, batch in self._families:
-                self._carry(family, batch, coordinates)
+                if has_moved:
+                    self._carry(family, batch, coordinates)
                 if self._has_grid or family.depends_on_place or self._plumb.is_deflected:
                     batch.observations = self._measured(family, coordinates)
         self.linearise()

@@ -44,7 +44,7 @@ def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
     for origin in np.unique(observations.from_points[circles]).tolist():
         seen = observations.to_points[circles[observations.from_points[circles] == origin]]
         placed = xyz[seen][np.isfinite(xyz[seen]).all(axis=1)]
-        if np.isnan(xyz[origin]).any() and len(placed):
+        if np.isnan(xyz[origin]).any() and len(placed) > 1:
             xyz[origin] = (placed.min(axis=0) + placed.max(axis=0)) / 2.0
     return replace(points, coordinates=xyz)
 

@@ -22,7 +22,7 @@ GROUP = "points"
 """The group of the constraints on coordinates, which MMVII's sigma0 leaves out."""
 COMPONENTS = ("x", "y", "z")
 SAME_PLACE = 1e-3
-"""After moves (m) below it the equations still hold to 1e-13 m; made anew, they would change by rounding."""
+"""After moves (m) below it the equations still hold to 1e-13 m, and what points carry along to 1e-3 / D."""
 
 
 @dataclass(frozen=True, eq=False)

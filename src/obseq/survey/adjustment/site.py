@@ -161,6 +161,11 @@ class NetworkSite:
             return self.instruments.turns(coordinates)[stations]
         return self.plumb.turns(self.book.observations.from_points[rows].astype(np.int64), coordinates)
 
+    def heights(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) ellipsoidal heights (m) of the last points, as precise as their coordinates."""
+        self.to_geocentric(rows)
+        return np.asarray(self.frame.around(coordinates).heights[self.book.observations.to_points[rows]])
+
     def geodetic(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) longitude, latitude (rad) and ellipsoidal height (m) of the last points."""
         return self.places(rows, coordinates)[1][0]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+import numpy as np
+
 from obseq import crs
 from obseq.cached import cached_property
+from obseq.kernels.calculator import calculator
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,6 +67,21 @@ class Surroundings:
         """(n, 3) longitude, latitude (rad), height (m) on the ellipsoid to which heights refer."""
         ground = self._system.ground if isinstance(self._system, crs.RigidSystem) else crs.WGS84
         return ground.geodetic(self.geocentric)
+
+    @cached_property
+    def heights(self) -> FloatArray:
+        """(n,) heights (m) of `geodetic`; in a local tangent system with the rounding of coordinates only.
+
+        They are that of the origin and the difference from there: geocentric ones are rounded to 1e-9 m.
+        """
+        if not isinstance(self._system, crs.LocalTangent):
+            return np.asarray(self.geodetic[:, 2])
+        ground, (rotation, translation) = self._system.ground, self._system.ground_pose()
+        squared = ground.flattening * (2.0 - ground.flattening)
+        there = np.hstack([rotation.ravel(), translation, ground.equatorial, squared, 0.0])
+        ends = np.hstack([np.zeros_like(self._coordinates), self._coordinates])
+        rises = calculator("TopoDH").values(ends, np.tile(there, (len(ends), 1)))[:, 0]
+        return np.asarray(Surroundings(self._system, np.zeros((1, 3))).geodetic[0, 2] + rises)
 
     @cached_property
     def verticals(self) -> FloatArray:

@@ -24,11 +24,6 @@ class Coordinate(ObservationKind):
 
     axis: int = 0
 
-    @property
-    def places_in_plan(self) -> bool:
-        """Not z."""
-        return self.axis != 2
-
     def is_linear(self, site: Site) -> bool:
         """It is an unknown itself."""
         return True

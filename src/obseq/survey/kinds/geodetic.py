@@ -78,11 +78,6 @@ class Geodetic(OfPlace):
     axis: int = 2
 
     @property
-    def places_in_plan(self) -> bool:
-        """Not heights."""
-        return self.axis != 2
-
-    @property
     def depends_on_place(self) -> bool:
         """The vertical turns."""
         return True
@@ -100,13 +95,18 @@ class Geodetic(OfPlace):
 
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """What makes the row that of the tangent there."""
-        gap = site.measured(rows) - site.geodetic(rows, coordinates)[:, self.axis]
+        gap = site.measured(rows) - self._found(site, rows, coordinates)
         if self.axis == 0:
             gap = np.remainder(gap + np.pi, 2.0 * np.pi) - np.pi
         _, here = site.positions(rows, coordinates)
         along = self.context(site, rows, coordinates)
         raised = np.einsum("ni,ni->n", along, site.offsets(rows, coordinates))
         return np.asarray(gap - raised + np.einsum("ni,ni->n", along, here))
+
+    def _found(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        if self.axis == 2:
+            return site.heights(rows, coordinates)
+        return site.geodetic(rows, coordinates)[:, self.axis]
 
 
 @dataclass(frozen=True)

@@ -112,6 +112,9 @@ class Site(Protocol):
     def positions(self, rows: IntArray, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 3) of the two points."""
 
+    def heights(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(n,) ellipsoidal heights (m) of the last points, as precise as their coordinates."""
+
     def geodetic(self, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 3) longitude, latitude (rad) and ellipsoidal height (m) of the last points."""
 
@@ -182,7 +185,6 @@ class ObservationKind:
         is_levelled: Whether it says how heights differ, and nothing of the plan.
         is_from_north: Whether it is an angle from north: it orients a network, and says nothing of its shape.
         is_of_circle: Whether it is read on the circle of an instrument, from a zero of the set-up.
-        is_combination: Whether it combines the coordinates of many points, with weights of its own.
         is_plumb: Whether, without an instrument, it is in the horizon of its first point.
         plain: The kind that becomes this one where a user asks for its unknowns; None for any other.
         with_unknowns: These unknowns, by the names of `estimating`.
@@ -207,7 +209,6 @@ class ObservationKind:
     is_levelled: bool = False
     is_from_north: bool = False
     is_of_circle: bool = False
-    is_combination: bool = False
     is_plumb: bool = False
     plain: ObservationKind | None = field(default=None, compare=False, repr=False)
     with_unknowns: tuple[str, ...] = ()
@@ -237,11 +238,6 @@ class ObservationKind:
     def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
         """(n, 6) derivatives of its residual by both points through context and value; None for none."""
         return site.slopes_of_grid(rows, coordinates)
-
-    @property
-    def places_in_plan(self) -> bool:
-        """Whether one observation says where its point is in plan."""
-        return self.is_absolute
 
     def problem(self, value: float) -> str | None:
         """What is wrong with a value in its unit (rad or m), in words; None when nothing is."""

@@ -51,5 +51,4 @@ NORMAL_ROW = NormalRow(
     "",
     takes_heights=False,
     is_line=False,
-    is_combination=True,
 )

@@ -1,0 +1,67 @@
+"""A block as the engine of the diagnosis sees it: columns of errors, and equations that are only borrowed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scenes
+from accused import diagnosis
+
+from obseq.diagnosis.engine import diagnose
+from obseq.images.causes.model import BlockModel
+from obseq.images.causes.numbering import Numbering
+
+
+def _block(**shape):
+    block, _, _ = scenes.block(n_images=5, n_points=16, n_control=7, **shape)
+    block.freeze_parameters("K.|p.|b.")
+    return block
+
+
+def test_equations_are_given_back_as_they_were():
+    block = _block()
+    block.sets[0].measures.xy[20] += [40.0, 10.0]
+    solution = block.solve()
+    system = solution.equations.system
+    before = [batch.active.copy() for batch in system.batches], system.unknowns.frozen.copy()
+    state, cost = system.unknowns.state(), solution.result.cost
+    model = BlockModel(Numbering(solution.equations), solution.result)
+    with model.borrowed():
+        assert diagnose(model).accused
+    for batch, active in zip(system.batches, before[0], strict=True):
+        assert np.array_equal(batch.active, active)
+    assert np.array_equal(system.unknowns.frozen, before[1])
+    assert np.array_equal(system.unknowns.state().values, state.values)
+    assert solution.reliability() is not None and solution.result.cost == cost
+
+
+def test_an_error_within_takes_nothing_away_and_equations_come_back_too():
+    solution = _block().solve()
+    model = BlockModel(Numbering(solution.equations), solution.result)
+    active = [batch.active.copy() for batch in solution.equations.system.batches]
+    with pytest.raises(ZeroDivisionError), model.borrowed():
+        solution.equations.measures[0].batch.active = np.zeros(len(active[0]), dtype=bool)
+        raise ZeroDivisionError
+    assert np.array_equal(solution.equations.measures[0].batch.active, active[0])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6])
+def test_the_size_of_an_error_in_a_coordinate_is_found_where_coordinates_are_correlated(share):
+    block = _block()
+    covariances = block.control.covariances.copy()
+    covariances[:, 0, 1] = covariances[:, 1, 0] = share * covariances[:, 0, 0]
+    block.control = replace(block.control, covariances=covariances)
+    block.control.coordinates[2, 1] += 0.2
+    (one,) = diagnosis(block).accused
+    assert one.what == "y of control point P2"
+    assert one.size == pytest.approx([0.2], abs=0.02)
+    assert one.test > one.limit
+
+
+def test_the_size_of_an_image_point_is_given_minus_right_and_its_place_is_said():
+    block = _block()
+    block.sets[0].measures.xy[20] += [40.0, -10.0]
+    (one,) = diagnosis(block).accused
+    assert one.size == pytest.approx([40.0, -10.0], abs=2.0)
+    (place,) = one.observations
+    assert place.row == 20
