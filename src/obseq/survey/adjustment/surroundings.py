@@ -20,6 +20,9 @@ Found = TypeVar("Found")
 _MOST, _FEW = 8, 1000
 """Coordinates of which is kept what was found, where they are those of so few points; else the last ones."""
 
+_INNERMOST = 0.99
+"""Equatorial radii from the middle of the Earth below which an origin is not on the ground."""
+
 
 class Recent(Generic[Found]):
     """What was worked out for the last few coordinates: trials come back to the same ones.
@@ -70,13 +73,15 @@ class Surroundings:
 
     @cached_property
     def heights(self) -> FloatArray:
-        """(n,) heights (m) of `geodetic`; in a local tangent system with the rounding of coordinates only.
+        """(n,) heights (m) of `geodetic`; as precise as coordinates where the origin is on the ground.
 
         They are that of the origin and the difference from there: geocentric ones are rounded to 1e-9 m.
         """
-        if not isinstance(self._system, crs.LocalTangent):
+        if not isinstance(self._system, crs.RigidSystem):
             return np.asarray(self.geodetic[:, 2])
         ground, (rotation, translation) = self._system.ground, self._system.ground_pose()
+        if np.linalg.norm(translation) < _INNERMOST * ground.equatorial:
+            return np.asarray(self.geodetic[:, 2])
         squared = ground.flattening * (2.0 - ground.flattening)
         there = np.hstack([rotation.ravel(), translation, ground.equatorial, squared, 0.0])
         ends = np.hstack([np.zeros_like(self._coordinates), self._coordinates])
