@@ -12,7 +12,6 @@ import obseq.images.output.page as block_page
 import obseq.images.output.record as block_record
 import obseq.report.formats as formats
 import obseq.survey.fieldwork as fieldwork
-import obseq.survey.screening.search as search
 from obseq.boundary import Boundary
 from obseq.cli.main import main
 from obseq.images.output.clouds import pose_table
@@ -65,9 +64,7 @@ def _points(path):
 @pytest.mark.parametrize(
     ("module", "name", "what"),
     [
-        (search, "search", "the search for gross errors"),
-        (fieldwork.Fieldwork, "_told_best", "the search for gross errors"),
-        (fieldwork.Fieldwork, "model", "failed"),
+        (fieldwork, "record_of", "the diagnosis"),
     ],
 )
 def test_a_network_is_written_when_its_diagnosis_fails(network, monkeypatch, capsys, module, name, what):

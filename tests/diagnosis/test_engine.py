@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, identity
 
+from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
 from obseq.diagnosis.linear import Linear
-from obseq.diagnosis.linear_tests import Columns, LinearTests
+from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Slip
 from obseq.diagnosis.verdict import Status

@@ -68,11 +68,16 @@ def test_sigmas_of_one_type_are_judged_apart(make) -> None:
     assert Verdict(make(types=[type_row("Dist", 0.7), type_row("Hz", 1.1)])).is_accepted
 
 
+def diagnosis(*names: str) -> dict[str, object]:
+    """The plain form of a diagnosis that accuses observations."""
+    accused = [{"code": "S100", "what": name, "text": "wrong"} for name in names]
+    return {"status": "explained", "left": 5.0, "redundancy": 6, "accused": accused}
+
+
 def test_the_worst_type_comes_first_and_gross_errors_before_all(make, plain) -> None:
     rows = [type_row("Dist", 1.8), type_row("Hz", 0.01), type_row("Zen", 40.0)]
     assert [row.name for row in Verdict(make(types=rows)).types_beyond] == ["Hz", "Zen"]
-    gross = {"what": "Hz A -> B", "cause": "mistyped", "text": "a digit", "size": 900.0, "points": []}
-    spoilt = Verdict(make(types=rows, gross_errors=[gross]))
+    spoilt = Verdict(make(types=rows, diagnosis=diagnosis("Hz A -> B")))
     assert spoilt.types_beyond == [] and "gross errors named above" in spoilt.explanation
 
 
@@ -83,20 +88,6 @@ def test_small_residuals_say_something_with_enough_redundancy_only_and_no_more_t
     assert Verdict(make(types=[barely])).is_accepted
     told = Verdict(make(types=[barely | {"redundancy": 6.0}])).explanation
     assert "look at least 1000 times too large" in told
-
-
-def suspicion(*names: str, statistic: float = -7.0) -> dict[str, object]:
-    return {"observations": list(names), "statistic": statistic, "blunder": 0.01, "unit": "m"}
-
-
-def test_a_suspected_observation_comes_before_the_sigmas_that_it_does_not_explain(make) -> None:
-    rows = [type_row("DH", 3.0), type_row("Hz", 9.0)]
-    verdict = Verdict(make(types=rows, suspicion=suspicion("DH A -> B (l.obs:6)")))
-    assert not verdict.is_accepted
-    assert [row.name for row in verdict.types_beyond] == ["Hz"]
-    assert verdict.types_beyond[0].sigma_factor == pytest.approx((81.0 - 49.0 / 6.0) ** 0.5)
-    start = "GROSS ERROR suspected: DH A -> B (l.obs:6): off by about 10.00 mm (standardised residual -7.00)"
-    assert verdict.explanation.startswith(start) and "--snooping w" in verdict.explanation
 
 
 def test_the_worst_observation_comes_before_sigmas_where_the_rest_is_accepted_without_it(make, plain) -> None:
@@ -121,18 +112,12 @@ def test_the_worst_observation_comes_before_sigmas_where_the_rest_is_accepted_wi
     assert "check it first" not in judged(3.2).explanation
 
 
-def test_observations_that_cannot_be_told_apart_are_named_together(make) -> None:
-    text = Verdict(make(suspicion=suspicion("DH A -> B (l.obs:6)", "DH B -> C (l.obs:7)"))).explanation
-    assert "one of DH A -> B (l.obs:6), DH B -> C (l.obs:7), which cannot be told apart" in text
-    assert "--snooping" not in text
-
-
 def test_what_is_said_of_gross_errors_agrees_with_what_snooping_left_out(make) -> None:
-    gross = {"what": "Hz A -> B (l.obs:2)", "cause": "mistyped", "text": "", "size": 900.0, "points": []}
-    gone = {"observation": gross["what"], "row": 1, "statistic": 900.0, "p_value": 0.0, "blunder": 1.0}
+    gross = "Hz A -> B (l.obs:2)"
+    gone = {"observation": gross, "row": 1, "statistic": 900.0, "p_value": 0.0, "blunder": 1.0}
     gone |= {"detectable": None}
     snooping = {"statistic": "w", "level": 0.05, "end": "", "suspects": [], "rejections": [gone]}
-    clean = Verdict(make(gross_errors=[gross], snooping=snooping))
+    clean = Verdict(make(diagnosis=diagnosis(gross), snooping=snooping))
     assert "they take no part" in clean.explanation and not clean.record.is_complete
-    other = Verdict(make(gross_errors=[gross, gross | {"what": "Zen A -> B (l.obs:3)"}], snooping=snooping))
+    other = Verdict(make(diagnosis=diagnosis(gross, "Zen A -> B (l.obs:3)"), snooping=snooping))
     assert "may still take part" in other.explanation and other.spoilt == 1

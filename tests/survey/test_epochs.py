@@ -281,7 +281,7 @@ def test_a_suspected_observation_of_an_epoch_forbids_a_verdict_too(levelled, cap
     assert compared(levelled, RISES.replace("C A 0.4997", "C A 0.5100")) == 1
     told = capsys.readouterr().out
     assert "NO VERDICT" in told and "have stayed" not in told
-    assert "epoch 2: a gross error is suspected in DH C -> A (e2.obs:6), off by about 10." in told
+    assert "epoch 2 holds a gross error, adjust it first: DH C -> A (e2.obs:6): wrong by 10." in told
     assert told.endswith("exit code 1: no verdict, for the reasons above\n")
 
 

@@ -8,7 +8,7 @@ from test_slips_of_set_ups import PLACES, measured, network
 
 from obseq.errors import InputError
 from obseq.survey import Datum, Network, compare, network_from_tables
-from obseq.survey.screening.names import are_alike
+from obseq.survey.causes.names import are_alike
 
 
 @pytest.mark.parametrize(

@@ -371,4 +371,5 @@ def test_distances_in_metres_in_a_file_in_feet_are_told_as_that(tmp_path):
     sigmas = ["distance=3mm", "angle=5sec"]
     assert read(tmp_path, IN_FEET.format(*feet), sigmas=sigmas).gross_errors() == ()
     (error,) = read(tmp_path, IN_FEET.format(*feet * 1200.0 / 3937.0), sigmas=sigmas).gross_errors()
-    assert error.what.startswith("all 4 DistHz") and "metres, and were read as feet" in error.text
+    assert error.code == "S151" and [slip.code for slip in error.slips] == ["W107"]
+    assert len(error.observations) == 4

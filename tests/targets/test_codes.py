@@ -44,7 +44,9 @@ def test_runs_go_around_the_circle() -> None:
     assert longest_runs(63, 6) == (0, 6)
 
 
-@pytest.mark.parametrize(("choice", "count"), [("former", 36), ("present", 32), ("larger", 36)])
+@pytest.mark.parametrize(
+    ("choice", "count"), [("former", 36), ("present", 32), pytest.param("larger", 36, marks=pytest.mark.slow)]
+)
 def test_sets_have_the_sizes_of_the_original_s_two_histories(choice: str, count: int) -> None:
     spec = made("IGNIndoor", choice=choice)
     assert len(spec.codes) >= count if choice == "larger" else len(spec.codes) == count

@@ -67,6 +67,7 @@ def test_each_family_is_found_and_measured(family, sets, camera, scene) -> None:
         assert found[one.name].size == pytest.approx(one.size, rel=0.1)
 
 
+@pytest.mark.slow
 def test_two_sets_in_one_image_are_told_apart(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
     specs = [sets["CERN"], sets["IGNIndoor"]]
     image, truths = scene(camera, specs, count=8, seed=4)
@@ -76,6 +77,7 @@ def test_two_sets_in_one_image_are_told_apart(sets, camera, scene) -> None:  # t
     }
 
 
+@pytest.mark.slow
 def test_the_centre_is_that_of_the_circle_not_of_its_ellipse() -> None:
     """A disc of 40 pixels at 45 degrees: the ellipse is most of a pixel off, and the closed form says how."""
     spec = made("CERN")
@@ -99,6 +101,7 @@ def test_sixteen_bits_give_what_eight_give(sets, camera, scene) -> None:  # type
     assert [target.name for target in finder.find(image).targets] == sorted(one.name for one in truths)
 
 
+@pytest.mark.slow
 def test_inverted_sheets_are_found(camera, scene) -> None:  # type: ignore[no-untyped-def]
     for family in ("CERN", "IGNIndoor"):
         spec = made(family)
@@ -108,6 +111,7 @@ def test_inverted_sheets_are_found(camera, scene) -> None:  # type: ignore[no-un
         assert [target.name for target in found] == sorted(one.name for one in truths)
 
 
+@pytest.mark.slow
 def test_hidden_targets_get_no_wrong_name(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
     for seed in (1, 2):
         image, truths = scene(camera, [sets["IGNIndoor"]], hidden=1.0, seed=seed)
@@ -117,6 +121,7 @@ def test_hidden_targets_get_no_wrong_name(sets, camera, scene) -> None:  # type:
         assert found.refused
 
 
+@pytest.mark.slow
 def test_codes_of_other_sets_are_refused_with_the_reason(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
     image, _ = scene(camera, [sets["IGNIndoor"]])
     other = made("IGNIndoor", numbers={35})
@@ -146,7 +151,7 @@ def test_spots_without_code_are_measured_when_asked_for() -> None:
         np.full((300, 400), 255, dtype=np.uint8),
         np.full((16, 900), 77, dtype=np.uint8),
         np.random.default_rng(1).integers(0, 256, (300, 400), dtype=np.uint8),
-        np.tile(np.kron([[0, 255], [255, 0]], np.ones((12, 12))), (12, 16)).astype(np.uint8),
+        np.tile(np.kron([[0, 255], [255, 0]], np.ones((12, 12))), (4, 5)).astype(np.uint8),
         np.kron(np.random.default_rng(2).integers(0, 2, (60, 80)) * 255, np.ones((5, 5))).astype(np.uint8),
     ],
     ids=["black", "white", "narrow", "noise", "floor", "blocks"],

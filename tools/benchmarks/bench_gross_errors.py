@@ -24,11 +24,12 @@ from command import command_line, write_json
 
 from obseq.errors import ObseqError
 from obseq.survey import Network, make_points, write_cor, write_obs
-from obseq.survey.screening.findings import Cause, GrossError
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
+
+    from obseq.records.diagnosis import AccusedRecord
 
 FRAME, PLANE = simulated.FRAME, simulated.PLANE
 Random = np.random.Generator
@@ -62,17 +63,17 @@ class Site:
 
 @dataclass(frozen=True)
 class Planted:
-    """What was done: the causes that name it, lines of the OBS file and points it concerns."""
+    """What was done: codes of causes and slips that name it, lines of the OBS file and points it concerns."""
 
-    causes: frozenset[Cause]
+    causes: frozenset[str]
     lines: frozenset[int] = frozenset()
     points: frozenset[str] = frozenset()
 
-    def is_named_by(self, error: GrossError, network: Network) -> bool:
+    def is_named_by(self, error: AccusedRecord) -> bool:
         """Whether a finding names this error and its cause."""
-        lines = {int(network.book.observations.lines[row]) for row in error.rows}
-        is_there = bool(self.lines & lines) or bool(self.points & set(error.points))
-        return error.cause in self.causes and is_there
+        lines, points = {row.line for row in error.observations}, {point.name for point in error.points}
+        codes = {error.code, *(slip.code for slip in error.slips)}
+        return bool(self.causes & codes) and bool(self.lines & lines or self.points & points)
 
 
 @dataclass(frozen=True)
@@ -151,61 +152,76 @@ def _some(rows: list[int], random: Random) -> list[int]:
 
 def all_in_degrees(site: Site, random: Random) -> Planted:
     """All angles in degrees."""
-    return Planted(frozenset({Cause.UNITS}), _scaled(site, _angles(site), lambda v: v * 0.9))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, _angles(site), lambda v: v * 0.9),
+    )
 
 
 def station_in_degrees(site: Site, random: Random) -> Planted:
     """All angles of one station in degrees."""
     name = site.obs[_some(_angles(site), random)[0]][1]
     rows = [k for k in _angles(site) if site.obs[k][1] == name]
-    return Planted(frozenset({Cause.UNITS}), _scaled(site, rows, lambda v: v * 0.9))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, rows, lambda v: v * 0.9),
+    )
 
 
 def station_anticlockwise(site: Site, random: Random) -> Planted:
     """All directions of one station counted anticlockwise."""
     name = site.obs[_some(_angles(site), random)[0]][1]
     rows = [k for k in _angles(site, ("5", "7")) if site.obs[k][1] == name]
-    return Planted(frozenset({Cause.SENSE}), _scaled(site, rows, lambda v: 400.0 - v))
+    return Planted(frozenset({"W102", "W131", "W105", "W104"}), _scaled(site, rows, lambda v: 400.0 - v))
 
 
 def all_elevations(site: Site, random: Random) -> Planted:
     """Elevations instead of zenith angles."""
-    return Planted(frozenset({Cause.ELEVATION}), _scaled(site, _angles(site, ("6",)), lambda v: 100.0 - v))
+    return Planted(frozenset({"W103", "W132"}), _scaled(site, _angles(site, ("6",)), lambda v: 100.0 - v))
 
 
 def all_elevations_in_degrees(site: Site, random: Random) -> Planted:
     """All angles in degrees, and elevations instead of zenith angles."""
     lines = _scaled(site, _angles(site, ("6",)), lambda v: 100.0 - v)
     lines |= _scaled(site, _angles(site), lambda v: v * 0.9)
-    return Planted(frozenset({Cause.ELEVATION, Cause.UNITS}), lines)
+    return Planted(frozenset({"W103", "W132", "W100", "W101", "W106", "W107", "W126", "S151", "S161"}), lines)
 
 
 def all_in_millimetres(site: Site, random: Random) -> Planted:
     """All distances in millimetres."""
-    return Planted(frozenset({Cause.UNITS}), _scaled(site, _angles(site, ("3",)), lambda v: v * 1000.0))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, _angles(site, ("3",)), lambda v: v * 1000.0),
+    )
 
 
 def all_in_feet(site: Site, random: Random) -> Planted:
     """All distances in feet."""
-    return Planted(frozenset({Cause.UNITS}), _scaled(site, _angles(site, ("3",)), lambda v: v / 0.3048))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, _angles(site, ("3",)), lambda v: v / 0.3048),
+    )
 
 
 def one_in_degrees(site: Site, random: Random) -> Planted:
     """One angle in degrees."""
     lines = _scaled(site, _some(_angles(site), random), lambda v: v * 0.9)
-    return Planted(frozenset({Cause.UNITS}), lines)
+    return Planted(frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}), lines)
 
 
 def one_elevation(site: Site, random: Random) -> Planted:
     """One elevation instead of a zenith angle."""
     rows = _some(_angles(site, ("6",)), random)
-    return Planted(frozenset({Cause.ELEVATION}), _scaled(site, rows, lambda v: 100.0 - v))
+    return Planted(frozenset({"W103", "W132"}), _scaled(site, rows, lambda v: 100.0 - v))
 
 
 def one_in_millimetres(site: Site, random: Random) -> Planted:
     """One distance in millimetres."""
     rows = _some(_angles(site, ("3",)), random)
-    return Planted(frozenset({Cause.UNITS}), _scaled(site, rows, lambda v: v * 1000.0))
+    return Planted(
+        frozenset({"W100", "W101", "W106", "W107", "W126", "S151", "S161"}),
+        _scaled(site, rows, lambda v: v * 1000.0),
+    )
 
 
 def one_digit(site: Site, random: Random) -> Planted:
@@ -221,7 +237,9 @@ def one_digit(site: Site, random: Random) -> Planted:
         if changed != text and (site.obs[k][0] == "3" or abs(float(changed)) <= 400.0):
             break
     site.obs[k][3] = changed
-    return Planted(frozenset({Cause.MISTYPED, Cause.SENSE}), frozenset({k + 1}))
+    return Planted(
+        frozenset({"W109", "W110", "W129", "W130", "W102", "W131", "W105", "W104"}), frozenset({k + 1})
+    )
 
 
 def _power(i: int, point: int) -> int:
@@ -237,7 +255,7 @@ def exchanged_digits(site: Site, random: Random) -> Planted:
         if text[i] != text[i + 1]:
             break
     site.obs[k][3] = text[:i] + text[i + 1] + text[i] + text[i + 2 :]
-    return Planted(frozenset({Cause.MISTYPED}), frozenset({k + 1}))
+    return Planted(frozenset({"W109", "W110", "W129", "W130"}), frozenset({k + 1}))
 
 
 def wrong_target(site: Site, random: Random) -> Planted:
@@ -250,7 +268,7 @@ def wrong_target(site: Site, random: Random) -> Planted:
     rows = [i for i, words in enumerate(site.obs) if words[1:3] == [origin, target]]
     for i in rows:
         site.obs[i][2] = name
-    causes = frozenset({Cause.WRONG_POINT, Cause.SWAPPED_NAMES})
+    causes = frozenset({"W118", "W113", "W133"})
     return Planted(causes, frozenset(i + 1 for i in rows))
 
 
@@ -265,14 +283,14 @@ def exchanged_targets(site: Site, random: Random) -> Planted:
         if words[1:2] == [origin] and words[2] in (a, b):
             words[2] = b if words[2] == a else a
             lines.append(i + 1)
-    return Planted(frozenset({Cause.SWAPPED_NAMES, Cause.WRONG_POINT}), frozenset(lines))
+    return Planted(frozenset({"W118", "W113", "W133"}), frozenset(lines))
 
 
 def swapped_coordinates(site: Site, random: Random) -> Planted:
     """Easting and northing of one known point exchanged."""
     words = site.cor[int(random.integers(len(site.cor)))]
     words[2], words[3] = words[3], words[2]
-    return Planted(frozenset({Cause.SWAPPED_COORDINATES}), points=frozenset({words[1]}))
+    return Planted(frozenset({"W123"}), points=frozenset({words[1]}))
 
 
 def all_coordinates_swapped(site: Site, random: Random) -> Planted:
@@ -280,7 +298,7 @@ def all_coordinates_swapped(site: Site, random: Random) -> Planted:
     for words in site.cor:
         words[2], words[3] = words[3], words[2]
     names = frozenset(words[1] for words in site.cor)
-    return Planted(frozenset({Cause.SWAPPED_COORDINATES}), points=names)
+    return Planted(frozenset({"W123"}), points=names)
 
 
 def exchanged_known_points(site: Site, random: Random) -> Planted:
@@ -288,7 +306,7 @@ def exchanged_known_points(site: Site, random: Random) -> Planted:
     a, b = random.choice(len(site.cor), 2, replace=False)
     site.cor[a][1], site.cor[b][1] = site.cor[b][1], site.cor[a][1]
     names = frozenset({site.cor[a][1], site.cor[b][1]})
-    return Planted(frozenset({Cause.SWAPPED_NAMES}), points=names)
+    return Planted(frozenset({"W118", "W113", "W133"}), points=names)
 
 
 def mistyped_coordinate(site: Site, random: Random) -> Planted:
@@ -299,7 +317,7 @@ def mistyped_coordinate(site: Site, random: Random) -> Planted:
     places = [i for i in range(text.index(".")) if text[i].isdigit()][-3:]
     i = places[int(random.integers(len(places)))]
     words[k] = text[:i] + str((int(text[i]) + 1 + int(random.integers(9))) % 10) + text[i + 1 :]
-    return Planted(frozenset({Cause.MISTYPED}), points=frozenset({words[1]}))
+    return Planted(frozenset({"W109", "W110", "W129", "W130"}), points=frozenset({words[1]}))
 
 
 MISTAKES: tuple[Callable[[Site, Random], Planted], ...] = (
@@ -355,7 +373,7 @@ def counted(mistake: Callable[[Site, Random], Planted] | None, seeds: range, ext
         count.seconds += time.process_time() - start
         count.tried += 1
         count.announced += bool(errors)
-        named = [planted is not None and planted.is_named_by(error, network) for error in errors]
+        named = [planted is not None and planted.is_named_by(error) for error in errors]
         count.named += any(named)
         count.first += bool(named and named[0])
         count.missed += () if planted is None or any(named) else (seed,)

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Generic
 
 import numpy as np
@@ -17,7 +18,7 @@ from obseq.diagnosis.judgement import judged
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
-from obseq.diagnosis.selection import select
+from obseq.diagnosis.selection import equals, gains, inside, merged, needed, select
 from obseq.diagnosis.verdict import Status, Verdict
 from obseq.errors import ObseqError
 
@@ -47,11 +48,11 @@ class Search(Generic[Place]):
 
     def verdict(self) -> Verdict:
         """What is wrong."""
-        solution = self._model.solution()
+        solution = self._solution()
         if solution is not None:
             tests = self._tests(solution)
             found = tests.tests(tests.given(()), blocks=False)
-            if (found.statistic <= found.limit).all():
+            if not np.isfinite(gains(tests, found)).any():
                 is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
                 status = Status.ACCEPTED if is_accepted else Status.UNEXPLAINED
                 return Verdict(status, (), tests.cost, tests.linear.redundancy)
@@ -60,6 +61,13 @@ class Search(Generic[Place]):
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
         reason = "not all explanations were tried: the network is large" if self._is_spent else ""
         return judged(self._model, best, reason)
+
+    def _solution(self) -> Place | None:
+        """Where the adjustment as given ended, if it is a place to test anything at."""
+        try:
+            return self._model.solution()
+        except ObseqError:
+            return None
 
     @property
     def _is_spent(self) -> bool:
@@ -70,7 +78,7 @@ class Search(Generic[Place]):
         linear, columns = self._model.linearised(place, applied)
         for change in applied:  # back to no change, along the tangent
             own = self._hypotheses.of(change.index)
-            linear.residuals[:] += columns.matrix[:, own] @ change.size
+            linear.residuals[:] += columns.effect(own, change.size)
         return LinearTests(linear, columns, self._hypotheses, self._policy)
 
     def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:
@@ -82,8 +90,36 @@ class Search(Generic[Place]):
             best = better(best, found)
             if best is not None and best.is_accepted and len(best.chosen) == 1:
                 return best  # several may be the price of a wrong place: look from the other
-        if best is not None and not best.is_accepted and _stands_out(best):
+        if best is None:
+            return None
+        if best.is_accepted:
+            best = self._in_place_of_several(best)
+        # of few spare observations some errors take too many: then they hardly are as many
+        are_many = len(best.chosen) > max(2.0, self._policy.share * best.tests.linear.redundancy)
+        if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
+        return best
+
+    def _in_place_of_several(self, best: Explanation[Place]) -> Explanation[Place]:
+        """From a start without what is as good as each of several: far off, one error looks like many."""
+        shared = Counter[int]()
+        for index in best.chosen if len(best.chosen) > 1 else ():
+            rest = [j for j in best.chosen if j != index]
+            found = best.tests.tests(best.tests.given(rest), rest, blocks=False)
+            shared.update(equals(best.tests, found, index))
+        several = [i for i, count in shared.most_common() if count > 1 and self._hypotheses.is_start[i]]
+        return self._restarted(best, several)
+
+    def _restarted(self, best: Explanation[Place], which: Sequence[int]) -> Explanation[Place]:
+        """The best explanation from robust starts, each without one of some hypotheses."""
+        for index in which[: self._policy.trials]:
+            if self._is_spent:
+                break
+            place = self._robust((change_of(best.tests, index),))
+            found = None if place is None else self._adapted(place, is_robust=True)
+            best = better(best, found) or best
+            if best.is_accepted and len(best.chosen) == 1:
+                break
         return best
 
     def _robust(self, without: Sequence[Change]) -> Place | None:
@@ -98,13 +134,10 @@ class Search(Generic[Place]):
         tests = best.tests
         statistic = tests.tests(tests.given(()), blocks=False).statistic
         worst = [i for i in np.argsort(-statistic).tolist() if self._hypotheses.is_start[i]]
-        for i in worst[: self._policy.trials]:
-            if self._is_spent or statistic[i] <= 0.0:
-                break
-            place = self._robust((change_of(tests, i),))
-            found = None if place is None else self._adapted(place, is_robust=True)
-            best = better(best, found) or best
-            if best.is_accepted:
+        worst = [i for i in worst[: self._policy.trials] if statistic[i] > 0.0]
+        for index in worst:
+            best = self._restarted(best, [index])
+            if best.is_accepted and len(best.chosen) == 1:
                 break
         return best
 
@@ -164,10 +197,20 @@ class Search(Generic[Place]):
         found = [select(tests, first)]
         if is_robust and not first and (suspects := _suspects(tests)):
             found.append(select(tests, suspects))
+            if (blocks := merged(tests, suspects)) != suspects:  # more rows than are told one by one
+                found.append(select(tests, blocks))
             if blocks := _suspected_blocks(tests):
                 found.append(select(tests, blocks))
-        if len(_cheapest(tests, found)) > 1:  # two rows may look like one group and another row
-            found.append(select(tests, rows_only=True))
+        best = _cheapest(tests, found)
+        blocks = [i for i in best if self._hypotheses.is_block[i]]
+        if len(best) > 1 or blocks:  # two rows may look like one group and another row
+            rows = select(tests, rows_only=True)
+            left = tests.cost - tests.given(rows).took
+            spare = tests.linear.redundancy - len(rows)
+            are_few = any(len(inside(tests, rows, block)) < needed(tests, block) for block in blocks)
+            if are_few and left <= accepted(spare, self._policy):
+                found = [one for one in found if not self._hypotheses.is_block[one].any()]
+            found.append(rows)
         return tuple(sorted(_cheapest(tests, found)))
 
     def _to_try(self, tests: LinearTests) -> tuple[Change, ...]:

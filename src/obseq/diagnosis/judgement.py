@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from obseq.diagnosis.protocol import Change
-from obseq.diagnosis.selection import for_a_slip, gains, inside, select
+from obseq.diagnosis.selection import equals, for_a_slip, inside, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
+from obseq.errors import ObseqError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.diagnosis.explanation import Explanation
-    from obseq.diagnosis.linear_tests import LinearTests, Tested
+    from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
+_HALF = 0.5
+"""Share of the redundancy that several errors must leave: else the rest might as well be the error."""
 _SCALINGS = 3
 """Rounds in which the variance factor of the noise is estimated; it grows, and seldom after the second."""
 
@@ -25,17 +27,37 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     """The verdict on a model of which an explanation was found."""
     chosen = list(found.chosen)
     is_accepted = found.is_accepted
-    if not is_accepted:
-        chosen = _beyond_noise(found)
-    chosen = _with_slips(model, found, chosen)
+    chosen = _of_its_noise(found.tests, chosen) if is_accepted else _beyond_noise(found)
+    chosen, found = _with_slips(model, found, chosen)
     tests = found.tests
     left = tests.cost - tests.given(chosen).took
+    if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
+        return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
+    if len(chosen) > 1 and redundancy < _HALF * tests.linear.redundancy:
+        return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     accused = [_accusation(model, found, chosen, i) for i in chosen]
     accused.sort(key=lambda one: -one.test / one.limit)
     explained = Status.EXPLAINED if accused else Status.ACCEPTED
     status = explained if is_accepted else Status.UNEXPLAINED
     return Verdict(status, tuple(accused), left, redundancy, reason)
+
+
+def _of_sigmas(tests: LinearTests) -> float:
+    """The price of sigmas that are all too small by one factor: minus twice the logarithm of its likelihood.
+
+    Of few spare observations it is often less than that of errors in some of them: nobody is accused then.
+    """
+    spare = max(tests.linear.redundancy, 1)
+    factor = max(tests.cost / spare, 1.0)
+    return float(spare * math.log(factor) + tests.cost / factor + tests.policy.sigmas)
+
+
+def _of_its_noise(tests: LinearTests, chosen: list[int]) -> list[int]:
+    """Those that stand out of what the others leave, where that is more than announced, if not by much."""
+    left = tests.cost - tests.given(chosen).took
+    tests.scale = max(1.0, left / max(tests.linear.redundancy - sum(map(tests.rank, chosen)), 1))
+    return kept(tests, chosen)
 
 
 def _beyond_noise(found: Explanation[Place]) -> list[int]:
@@ -52,16 +74,24 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
     return chosen
 
 
-def _with_slips(model: Model[Place], found: Explanation[Place], chosen: list[int]) -> list[int]:
+def _with_slips(
+    model: Model[Place], found: Explanation[Place], chosen: list[int]
+) -> tuple[list[int], Explanation[Place]]:
     """The same with a block in place of its rows where a slip explains it: a name, say."""
     tests = found.tests
     for block in for_a_slip(tests, chosen):
         gone = inside(tests, chosen, block)
-        other = [*(i for i in chosen if i not in gone), block]
-        change = Change(block, *tests.sizes(other)[block])
-        if any(slip.is_strong for slip in model.slips(change, found.place)):
-            chosen = other
-    return chosen
+        other = kept(tests, [*(i for i in chosen if i not in gone), block])
+        if block not in other:
+            continue
+        sizes = tests.sizes(other)
+        try:
+            place, _, _ = model.adjusted(found.place, [Change(i, *sizes[i]) for i in other])
+        except ObseqError:
+            continue
+        if any(slip.is_strong for slip in model.slips(Change(block, *sizes[block]), place)):
+            chosen, found = other, found.at(place)
+    return chosen, found
 
 
 def _accusation(
@@ -74,7 +104,7 @@ def _accusation(
     if not tested.statistic[index]:  # a block that is told for its slip
         took = tests.given(chosen).took - tests.given(rest).took
         tested.statistic[index], tested.limit[index] = took, tests.limit(tests.rank(index))
-    others = _equals(tests, tested, rest, index)
+    others = equals(tests, tested, index)
     changes = [Change(j, *tests.sizes([*rest, j])[j]) for j in (index, *others)]
     found_others = [Alternative(c, float(tested.statistic[c.index])) for c in changes]
     known = {index, *others}
@@ -83,28 +113,9 @@ def _accusation(
     best = found_others[0]
     slips = model.slips(best.change, found.place)
     if not any(slip.is_strong for slip in slips):
-        for other in found_others[1:]:
-            told = model.slips(other.change, found.place)
-            if any(slip.is_strong for slip in told):
-                best, slips = other, told
-                break
+        told = [(other, model.slips(other.change, found.place)) for other in found_others[1:]]
+        strong = [(other, of) for other, of in told if any(slip.is_strong for slip in of)]
+        best, slips = min(strong, key=lambda one: one[1][0].misfit, default=(best, slips))
     limit = float(tested.limit[best.change.index])
     rest_of = tuple(one for one in found_others if one is not best)
     return Accusation(best.change, best.test, limit, rest_of, slips)
-
-
-def _equals(tests: LinearTests, tested: Tested, rest: Sequence[int], index: int) -> list[int]:
-    """What nothing tells from a hypothesis, the best first; not what holds all of it and more."""
-    gain = gains(tests, tested)
-    own = (
-        gain[index]
-        if np.isfinite(gain[index])
-        else (tested.statistic[index] - tested.limit[index] - tests.rarity[index])
-    )
-    near = np.flatnonzero(gain >= own - tests.policy.margin)
-    mine = set(tests.hypotheses.of(index).tolist())
-    return [
-        int(j)
-        for j in near[np.argsort(-gain[near], kind="stable")].tolist()
-        if j != index and not mine <= set(tests.hypotheses.of(j).tolist())
-    ]

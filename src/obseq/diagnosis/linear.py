@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+    from obseq.leastsquares.statistics.final_state import FinalState
 
 _AT_A_TIME = 64
 """Right-hand sides that are solved together: as many as stay in cache."""
@@ -42,9 +43,9 @@ class Linear:
     """
 
     residuals: FloatArray
-    rows: csr_array
-    whitening: csr_array
-    cofactors: csc_array
+    rows: csr_array | FloatArray
+    whitening: csr_array | FloatArray
+    cofactors: csc_array | FloatArray
     leverages: FloatArray
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
@@ -69,26 +70,28 @@ class Linear:
         return result
 
 
-def linearised(system: LeastSquares, result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
+def linearised(
+    system: LeastSquares, result: LeastSquaresResult, batches: Sequence[Batch], *, dense: bool = False
+) -> Linear:
     """The equations of some batches at a result with covariances; inactive ones are rows of zeros.
 
     Args:
         system: It was solved, or evaluated (`max_iterations=0`), without losses.
         result: What came out, with covariances.
         batches: All batches that count, in the order in which hypotheses number their equations.
+        dense: Whether matrices are few, and to be plain arrays: for small models, without clusters.
     """
+    if not batches or not result.n_unknowns:
+        return _of_nothing(result, batches)
+    state = final_state(system, result)
+    if dense:
+        return _densely(state, result, batches)
     from scipy.sparse import block_diag, csr_array, vstack
 
-    if not batches or not result.n_unknowns:
-        return _of_nothing(system, result, batches)
-    state = final_state(system, result)
     roots = [whitening_of(batch) for batch in batches]
-    residuals = [
-        root @ np.where(batch.active[:, None], np.nan_to_num(result.residuals(batch)), 0.0).ravel()
-        for root, batch in zip(roots, batches, strict=True)
-    ]
+    raw = [np.where(batch.active[:, None], np.nan_to_num(result.residuals(batch)), 0.0) for batch in batches]
     return Linear(
-        np.concatenate(residuals),
+        np.concatenate([root @ one.ravel() for root, one in zip(roots, raw, strict=True)]),
         csr_array(vstack([state.cluster_rows(batch) for batch in batches], format="csr")),
         csr_array(block_diag(roots, format="csr")),
         state.equations.pattern.matrix(state.cofactors.values),
@@ -98,15 +101,35 @@ def linearised(system: LeastSquares, result: LeastSquaresResult, batches: Sequen
     )
 
 
-def _of_nothing(system: LeastSquares, result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
+def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
+    """The same as plain arrays; none of the batches has clusters."""
+    weights = np.concatenate([batch.weights[:, : batch.n].T.ravel() for batch in batches])
+    raw = [np.where(batch.active[:, None], np.nan_to_num(result.residuals(batch)), 0.0) for batch in batches]
+    rows = [state.rows(batch, np.arange(batch.n)) for batch in batches]
+    rows = [
+        np.where(b.active[:, None, None], one, 0.0).reshape(-1, one.shape[2])
+        for b, one in zip(batches, rows, strict=True)
+    ]
+    matrix = np.concatenate(rows)
+    cofactors = state.equations.pattern.dense(state.cofactors.values)
+    return Linear(
+        weights * np.concatenate([one.ravel() for one in raw]),
+        matrix,
+        np.diag(weights),
+        cofactors,
+        np.einsum("ij,ij->i", matrix @ cofactors, matrix),
+        state.solve,
+        result.redundancy,
+    )
+
+
+def _of_nothing(result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
     """Equations without any unknown: residuals alone."""
     from scipy.sparse import block_diag, csc_array, csr_array
 
     roots = [whitening_of(batch) for batch in batches]
-    residuals = [
-        root @ np.nan_to_num(result.residuals(batch)).ravel()
-        for root, batch in zip(roots, batches, strict=True)
-    ]
+    raw = [np.nan_to_num(result.residuals(batch)).ravel() for batch in batches]
+    residuals = [root @ one for root, one in zip(roots, raw, strict=True)]
     values = np.concatenate([np.zeros(0), *residuals])
     whitening = csr_array(block_diag(roots, format="csr")) if roots else csr_array((0, 0))
     none = csr_array((len(values), 0))

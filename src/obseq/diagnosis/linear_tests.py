@@ -12,6 +12,7 @@ Sources: W. Baarda 1968; P. Teunissen, Testing theory, Delft 2000, and J. Geod. 
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -24,9 +25,8 @@ from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_le
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from scipy.sparse import csc_array
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.policy import Policy
@@ -34,19 +34,6 @@ if TYPE_CHECKING:
 _CHUNK, _KEPT = 64, 8
 """Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY = 1e-300
-
-
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """What errors of one unit add to computed minus observed.
-
-    Attributes:
-        matrix: (n, k), whitened.
-        is_local: (k,) whether the unknowns of its equations are all joined in the normal matrix.
-    """
-
-    matrix: csc_array
-    is_local: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,19 +84,18 @@ class LinearTests:
             policy: How it is judged.
         """
         self.linear, self.hypotheses, self.policy = linear, hypotheses, policy
-        norm = np.sqrt(np.asarray(columns.matrix.multiply(columns.matrix).sum(axis=0)).ravel())
-        self.norm = np.maximum(norm, _TINY)
-        self._columns = (columns.matrix / self.norm[None, :]).tocsc()
-        self._transposed = self._columns.T.tocsr()
+        self.norm = np.maximum(columns.norms(), _TINY)
+        self._columns = columns.scaled(self.norm)
         left = linear.left(linear.residuals)
         self.cost = float(left @ left)
-        self.off = np.asarray(self._transposed @ linear.residuals)
-        self.shown = np.asarray(self._transposed @ left)
+        self.off = self._columns.shown(linear.residuals)
+        self.shown = self._columns.shown(left)
         self._across: dict[int, FloatArray] = {}
         self._given: dict[tuple[int, ...], Given] = {}
-        self._weight = self._first_weights(columns)
-        degrees, counts = np.unique(hypotheses.q[~hypotheses.is_block], return_counts=True)
-        tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in zip(degrees, counts, strict=True))
+        self._weight = self._columns.first_weights(linear)
+        self._is_screened = linear.n > policy.large
+        counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
+        tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in sorted(counts.items()))
         self.level = _level(policy.false_alarm, policy.power, tests)
         self._ranks: dict[int, int] = {}
         self.scale = 1.0
@@ -138,10 +124,10 @@ class LinearTests:
     def _sets(self) -> list[tuple[IntArray, IntArray, FloatArray]]:
         """Observations of several equations, by their number: hypotheses, columns (g, q), and M (g, q, q)."""
         wanted, found = self.hypotheses.q * ~self.hypotheses.is_block, []
-        for size in np.unique(wanted[wanted > 1]).tolist():
+        for size in sorted(set(wanted[wanted > 1].tolist())):  # np.unique would load masked arrays
             which = np.flatnonzero(wanted == size)
             columns = self.hypotheses.columns[self.hypotheses.starts[which][:, None] + np.arange(size)]
-            found.append((which, columns, self._grams(columns)))
+            found.append((which, columns, self._columns.grams(self.linear, columns)))
         return found
 
     @cached_property
@@ -149,42 +135,13 @@ class LinearTests:
         """Hypotheses that take several observations out."""
         return np.flatnonzero(self.hypotheses.is_block & (self.hypotheses.q > 1))
 
-    def _first_weights(self, columns: Columns) -> FloatArray:
-        """(k,) M of each column where it costs little; NaN of groups that are not looked at yet."""
-        matrix, n = self._columns, self.linear.n
-        entries = np.diff(matrix.indptr)
-        weights = np.where(entries == 0, 0.0, np.nan)
-        alone = np.flatnonzero(entries == 1)
-        weights[alone] = 1.0 - self.linear.leverages[matrix.indices[matrix.indptr[alone]]]
-        local = np.flatnonzero((entries > 1) & columns.is_local)
-        if local.size:
-            through = self.linear.rows.T @ matrix[:, local]
-            taken = np.asarray((self.linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
-            weights[local] = 1.0 - taken
-        self._is_screened = n > self.policy.large
-        return weights
-
-    def _grams(self, columns: IntArray) -> FloatArray:
-        """(g, q, q) C' R C of small sets of columns whose unknowns are all joined."""
-        g, q = columns.shape
-        flat = self._columns[:, columns.ravel()]
-        through = (self.linear.rows.T @ flat).tocsc()
-        lost, result = (self.linear.cofactors @ through).tocsc(), np.empty((g, q, q))
-        for i in range(q):
-            for j in range(i + 1):
-                own = flat[:, i::q].multiply(flat[:, j::q]).sum(axis=0)
-                off = lost[:, i::q].multiply(through[:, j::q]).sum(axis=0)
-                result[:, i, j] = result[:, j, i] = np.asarray(own - off).ravel()
-        return result
-
     def _weigh(self, shown: FloatArray) -> None:
         """Works out M of the columns that are wanted and not known yet."""
         wanted = np.isnan(self._weight)
         if self._is_screened:
             wanted &= np.abs(shown) > self.policy.screen
         for part in _parts(np.flatnonzero(wanted)):
-            dense = self._columns[:, part].toarray()
-            through = np.ascontiguousarray(self.linear.rows.T @ dense)
+            through = np.ascontiguousarray(self.linear.rows.T @ self._columns.some(part))
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
             self._weight[part] = 1.0 - taken
 
@@ -192,8 +149,7 @@ class LinearTests:
         """(m, k) C' R C of some columns with all."""
         missing = np.array([k for k in dict.fromkeys(columns.tolist()) if k not in self._across], np.intp)
         for part in _parts(missing):
-            left = self.linear.left(self._columns[:, part].toarray())
-            made = np.asarray(self._transposed @ left).T
+            made = self._columns.shown(self.linear.left(self._columns.some(part))).T
             self._across.update(zip(part.tolist(), made, strict=True))
         if not len(columns):
             return np.zeros((0, len(self.shown)))
@@ -211,7 +167,7 @@ class LinearTests:
         return self._given[key]
 
     def _made(self, chosen: tuple[int, ...]) -> Given:
-        own = np.unique(np.concatenate([self.hypotheses.of(i) for i in chosen]))
+        own = np.array(sorted({k for i in chosen for k in self.hypotheses.of(i).tolist()}), np.intp)
         rows = self.rows_of(own)
         shares, axes = np.linalg.eigh(rows[:, own])
         seen = shares > self.policy.unseen
@@ -271,19 +227,19 @@ class LinearTests:
             self._ranks[index] = max(int(np.count_nonzero(shares > self.policy.unseen)), 1)
         return self._ranks[index]
 
-    def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Estimates and covariance of the sizes of hypotheses together, in lengths of their columns."""
+    def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray, bool]:
+        """Estimates and covariance of sizes together, in lengths of columns; whether all are determined."""
         own = np.concatenate([self.hypotheses.of(i) for i in chosen])
         shares, axes = np.linalg.eigh(self.rows_of(own)[:, own])
         seen = shares > self.policy.unseen
         covariance = (axes[:, seen] / shares[seen]) @ axes[:, seen].T
-        return covariance @ self.shown[own], covariance
+        return covariance @ self.shown[own], covariance, bool(seen.all())
 
     def sizes(self, chosen: Sequence[int]) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Estimates and standard deviations (q,) of chosen hypotheses together, in their units."""
         if not len(chosen):
             return {}
-        estimates, covariance = self.inverse(chosen)
+        estimates, covariance, _ = self.inverse(chosen)
         spread, found, start = np.sqrt(np.maximum(np.diag(covariance), 0.0)), {}, 0
         for i in chosen:
             own = self.hypotheses.of(i)

@@ -28,6 +28,7 @@ class Policy:
         large: Equations from which groups are tested only where a screen asks for it.
         screen: |u| over the length of a column, from which its group is tested there. Without error one in
             twenty passes; an error that its test would find is lost only where the group shows a sixth of it.
+        sigmas: Rarity of sigmas that are all too small by one factor: as of groups.
         steps: Iterations of all adjustments together.
     """
 
@@ -46,6 +47,7 @@ class Policy:
     chance: float = 0.35
     large: int = 5000
     screen: float = 2.0
+    sigmas: float = 4.0
     steps: int = 240
 
     @property

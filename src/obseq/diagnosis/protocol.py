@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
-    from obseq.diagnosis.linear_tests import Columns
 
 Place = TypeVar("Place")
 """Where the unknowns of a model are; only the model knows what it is."""

@@ -45,27 +45,52 @@ def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = F
 
 
 def gains(tests: LinearTests, found: Tested) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """(h,) by how much each hypothesis lowers the price; minus infinity where its test does not reject."""
-    passed = found.statistic > found.limit
-    return np.where(passed, found.statistic - found.limit - found.noise - tests.rarity, -np.inf)
+    """(h,) by how much each hypothesis lowers the price; minus infinity where it does not."""
+    gain = found.statistic - found.limit - found.noise - tests.rarity
+    return np.where(gain > 0.0, gain, -np.inf)
+
+
+def equals(tests: LinearTests, found: Tested, index: int) -> list[int]:
+    """What nothing tells from a hypothesis, the best first; not what holds all of it and more.
+
+    Args:
+        tests: At one linearisation.
+        found: T of all, the other accepted hypotheses being given.
+        index: The hypothesis.
+    """
+    gain = gains(tests, found)
+    own = found.statistic[index] - found.limit[index] - found.noise[index] - tests.rarity[index]
+    near = np.flatnonzero(gain >= own - tests.policy.margin)
+    mine = set(tests.hypotheses.of(index).tolist())
+    ordered = near[np.argsort(-gain[near], kind="stable")].tolist()
+    told = ~tests.hypotheses.needs_slip
+    return [j for j in ordered if j != index and told[j] and not mine <= set(tests.hypotheses.of(j).tolist())]
 
 
 def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
-    """Those of some hypotheses that pass their own test, the others being given: backward elimination."""
+    """Those of some hypotheses that are worth what is due for them: backward elimination."""
     left = list(chosen)
     while left:
-        estimates, covariance = tests.inverse(left)
-        shares, start = [], 0
-        for i in left:
-            part = slice(start, start := start + int(tests.hypotheses.q[i]))
-            inverse = np.linalg.pinv(covariance[part, part], rcond=1e-9, hermitian=True)
-            statistic = float(estimates[part] @ inverse @ estimates[part])
-            shares.append(statistic / tests.limit(tests.rank(i)))
+        shares = [statistic / tests.due([i]) for i, statistic in zip(left, _own(tests, left), strict=True)]
         worst = int(np.argmin(shares))
         if shares[worst] > 1.0:
             break
         left.pop(worst)
     return left
+
+
+def _own(tests: LinearTests, chosen: list[int]) -> list[float]:
+    """T of each of some hypotheses, the others being given."""
+    estimates, covariance, is_whole = tests.inverse(chosen)
+    if not is_whole:  # some of them do the same: what each takes beyond the others tells
+        took = tests.given(chosen).took
+        return [took - tests.given([j for j in chosen if j != i]).took for i in chosen]
+    found, start = [], 0
+    for i in chosen:
+        part = slice(start, start := start + int(tests.hypotheses.q[i]))
+        inverse = np.linalg.pinv(covariance[part, part], rcond=1e-9, hermitian=True)
+        found.append(float(estimates[part] @ inverse @ estimates[part]))
+    return found
 
 
 def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:

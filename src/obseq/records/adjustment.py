@@ -18,13 +18,13 @@ import msgspec
 from obseq.errors import InputError
 from obseq.packages import version
 from obseq.printable import printable_line
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.quality import (
     DoubtfulRecord,
     EffectRecord,
     EllipseRecord,
     EllipsoidRecord,
     GlobalTestRecord,
-    GrossErrorRecord,
     JointTestRecord,
     LeftOutRecord,
     MotionRecord,
@@ -34,7 +34,6 @@ from obseq.records.quality import (
     ReplacedRecord,
     SnoopingRecord,
     StatisticsRecord,
-    SuspicionRecord,
     UnusedRecord,
     VarianceComponentRecord,
 )
@@ -48,14 +47,15 @@ if TYPE_CHECKING:
 FORMAT = "obseq-adjustment"
 VERSION = 1
 __all__ = [
+    "AccusedRecord",
     "AdjustmentRecord",
     "ConstraintRecord",
+    "DiagnosisRecord",
     "DoubtfulRecord",
     "EffectRecord",
     "EllipseRecord",
     "EllipsoidRecord",
     "GlobalTestRecord",
-    "GrossErrorRecord",
     "IterationRecord",
     "JointTestRecord",
     "LeftOutRecord",
@@ -72,7 +72,6 @@ __all__ = [
     "SnoopingRecord",
     "StationRecord",
     "StatisticsRecord",
-    "SuspicionRecord",
     "UnusedRecord",
     "VarianceComponentRecord",
     "defined",
@@ -257,7 +256,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         operations: How PROJ leads from the systems to the Earth.
         types: How the observations of each type fit.
         setups: How the observations from each point fit.
-        suspicion: One gross error that explains what the sigmas do not; None when nothing is suspected.
+        diagnosis: What is wrong with it; None where nobody has looked.
         units: What the reports show; the numbers here are in metres and radians.
         undetermined: Motions that the datum of a free network takes away; None where known points hold it.
         doubtful: Points that converged, and of which the observations say next to nothing.
@@ -296,7 +295,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     notes: tuple[str, ...] = ()
     left_out: tuple[LeftOutRecord, ...] = ()
     replaced: tuple[ReplacedRecord, ...] = ()
-    gross_errors: tuple[GrossErrorRecord, ...] = ()
+    diagnosis: DiagnosisRecord | None = None
     phases: tuple[PhaseRecord, ...] = ()
     run: RunRecord | None = None
     title: str | None = None
@@ -306,7 +305,6 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     types: tuple[StatisticsRecord, ...] | None = None
     setups: tuple[StatisticsRecord, ...] | None = None
     undetermined: tuple[MotionRecord, ...] | None = None
-    suspicion: SuspicionRecord | None = None
     doubtful: tuple[DoubtfulRecord, ...] = ()
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
@@ -322,9 +320,14 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         return () if self.snooping is None else self.snooping.rejections
 
     @property
+    def gross_errors(self) -> tuple[AccusedRecord, ...]:
+        """The errors that were found, the clearest first."""
+        return () if self.diagnosis is None else self.diagnosis.accused
+
+    @property
     def is_complete(self) -> bool:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
-        is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
+        is_clean = (self.diagnosis is None or self.diagnosis.is_quiet) and not self.doubtful
         is_whole = not self.left_out and not self.unused and not self.rejections
         return self.converged and is_whole and is_clean and not self.failures
 

@@ -203,36 +203,6 @@ KNOWN = "known "
 """What the name of a known coordinate that is suspected begins with."""
 
 
-class SuspicionRecord(Record, frozen=True, omit_defaults=False):
-    """One gross error that explains what the sigmas do not.
-
-    Attributes:
-        observations: Type, points, file and line; several where they cannot be told apart: it is one of them.
-        statistic: The standardised residual, of a vector the root of T; leaving it out lowers the weighted
-            sum of squares by its square.
-        blunder: Estimate of the error of the value of the first, m or rad; the length of that of a vector.
-        unit: "m" or "rad".
-        degrees: Degrees of freedom of the test: above 1 for a vector or a position.
-        blunders: Estimates of the errors of its components (m); none for a single observation.
-        cause: What it is likely to be; empty where that is not known.
-        may_be_sigmas: Whether sigmas that are all too small would explain it too: of as few observations.
-    """
-
-    observations: tuple[str, ...]
-    statistic: float
-    blunder: float
-    unit: str
-    degrees: int = 1
-    blunders: tuple[float, ...] = ()
-    cause: str = ""
-    may_be_sigmas: bool = False
-
-    @property
-    def may_be_known(self) -> bool:
-        """Whether one of them is a known coordinate."""
-        return any(name.startswith(KNOWN) for name in self.observations)
-
-
 class VarianceComponentRecord(Record, frozen=True, omit_defaults=False):
     """The variance of one kind of observation, as the residuals show it.
 
@@ -353,21 +323,3 @@ class ReplacedRecord(Record, frozen=True, omit_defaults=False):
     given: tuple[float, ...]
     used: tuple[float, ...]
     moved: float
-
-
-class GrossErrorRecord(Record, frozen=True, omit_defaults=False):
-    """Observations or known points that contradict the rest grossly, and the likely cause.
-
-    Attributes:
-        what: Observations, points or groups of them, with file and line.
-        cause: Kind of the likely cause: "units", "mistyped", "names swapped", "unknown"...
-        text: The likely cause in words, and what would fit.
-        size: Misfit of the worst observation, in sigmas.
-        points: Names of the points that it concerns, if any.
-    """
-
-    what: str
-    cause: str
-    text: str
-    size: float
-    points: tuple[str, ...] = ()

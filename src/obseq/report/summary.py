@@ -122,14 +122,21 @@ def left_out(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:
-    """What is suspected to be a gross error, the worst first."""
-    found = record.gross_errors
+    """What is wrong, the clearest first, and what sigma0 is without it."""
+    diagnosis, found = record.diagnosis, record.gross_errors
+    if diagnosis is None:
+        return
     if found:
         yield f"  GROSS ERRORS are suspected ({len(found)}, the worst first):"
     for item in found[:most]:
-        yield f"    {item.what} ({item.size:.3g} sigmas): {item.text}"
+        yield f"    {item.what}: {item.text}"
     if len(found) > most:
         yield f"    and {len(found) - most} more; the listing and the JSON file have them"
+    if found and diagnosis.sigma0 is not None:
+        rest = "" if diagnosis.status == "explained" else ": they do not explain all of it"
+        yield f"    Without {'it' if len(found) == 1 else 'them'} sigma0 is {diagnosis.sigma0:.3g}{rest}."
+    if diagnosis.status == "undecided" or diagnosis.reason:
+        yield f"  DIAGNOSIS {diagnosis.status}: {diagnosis.reason}"
 
 
 def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:

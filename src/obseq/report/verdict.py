@@ -13,7 +13,6 @@ from obseq.records.adjustment import (
     GlobalTestRecord,
     ObservationRecord,
     StatisticsRecord,
-    SuspicionRecord,
 )
 from obseq.report import units
 from obseq.report.worst_test import Worst, one_of, worst_test
@@ -54,7 +53,7 @@ class Verdict:
     @property
     def is_accepted(self) -> bool:
         """Whether sigma0 is what the sigmas announce, of each type too; False when it cannot be tested."""
-        suspected = self.types_beyond or self.record.suspicion or self.spoilt
+        suspected = self.types_beyond or self.spoilt
         return self.test is not None and self.test.passed and not suspected
 
     @property
@@ -69,8 +68,7 @@ class Verdict:
 
         Wrong weights of one type spoil the residuals of others too: types that are out by less than the
         root of the worst factor wait until that is mended. None while gross errors are suspected, which
-        decide then what the residuals of each type are; what a single suspected one explains is taken off,
-        and so is what the worst test does that fails.
+        decide then what the residuals of each type are; what the worst test that fails explains is taken off.
         """
         if self.spoilt:
             return []
@@ -81,10 +79,8 @@ class Verdict:
         return [row for row in found if _times(row) >= _times(found[0]) ** 0.5]
 
     def _less_explained(self, rows: list[StatisticsRecord]) -> Iterator[StatisticsRecord]:
-        """Types less the part of their residuals that one gross error, or the worst test, explains."""
-        if self.record.suspicion is not None:
-            yield from (_without(row, self.record.suspicion.statistic**2) for row in rows)
-        elif (worst := self.worst) is not None:
+        """Types less the part of their residuals that the worst test explains."""
+        if (worst := self.worst) is not None:
             yield from (_without(row, worst.square) if worst.type in ("", row.name) else row for row in rows)
         else:
             yield from rows
@@ -110,7 +106,7 @@ class Verdict:
         """The result of the test in a few words."""
         if self.test is None:
             return "not tested"
-        if self.test.passed and self.record.suspicion:
+        if self.test.passed and self.spoilt:
             return "accepted as a whole, NOT each observation"
         if self.test.passed:
             return "accepted as a whole, NOT by type" if self.types_beyond else "accepted"
@@ -119,9 +115,7 @@ class Verdict:
     @property
     def explanation(self) -> str:
         """What the result means and what to do about it."""
-        suspicion = self.record.suspicion
-        first = self._of_test() if suspicion is None or self.spoilt else _suspected(self.record, suspicion)
-        sentences = [first, *([self._of_types()] if self.types_beyond else [])]
+        sentences = [self._of_test(), *([self._of_types()] if self.types_beyond else [])]
         if self.record.gross_errors and not self.spoilt:
             sentences.insert(0, LEFT_OUT)
         return " ".join(sentences)
@@ -183,44 +177,6 @@ def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
         f"announce. An error in {one_of(names)}{known} explains it, and nothing tells these apart; or the "
         "sigmas are too small."
     )
-
-
-def _suspected(record: AdjustmentRecord, suspicion: SuspicionRecord) -> str:
-    """Which observation one gross error is suspected in, and what to do."""
-    names = suspicion.observations
-    size = units.units_of(record).small(suspicion.unit, suspicion.blunder)
-    which = one_of(names) if len(names) == 1 else f"{one_of(names)}, which cannot be told apart"
-    estimate = f"off by about {size}" if len(names) == 1 else f"the first would be off by about {size}"
-    estimate += f" {suspicion.cause}" if suspicion.cause else ""
-    return (
-        f"GROSS ERROR suspected: {which}: {estimate} ({test_of(suspicion)}). {_compared(suspicion)}: "
-        f"{_remedy(suspicion)}, and adjust again."
-    )
-
-
-def _compared(suspicion: SuspicionRecord) -> str:
-    """Whether wrong sigmas are excluded as the reason."""
-    if suspicion.may_be_sigmas:
-        return (
-            "One gross error explains it; so few observations do not exclude that all sigmas are too small "
-            "instead"
-        )
-    return "One gross error explains it better than wrong sigmas"
-
-
-def test_of(suspicion: SuspicionRecord) -> str:
-    """The statistic by which it is suspected."""
-    if suspicion.degrees == 1:
-        return f"standardised residual {suspicion.statistic:.2f}"
-    return f"test as a whole: T {suspicion.statistic**2:.2f} with {suspicion.degrees} degrees of freedom"
-
-
-def _remedy(suspicion: SuspicionRecord) -> str:
-    """What to do about it; snooping leaves out observations, and no known coordinate."""
-    if suspicion.may_be_known:
-        return "check it, correct it, or take a known coordinate as free"
-    snooping = "; or let --snooping w leave it out" if len(suspicion.observations) == 1 else ""
-    return f"check it, correct it or leave it out{snooping}"
 
 
 def _without(row: StatisticsRecord, explained: float) -> StatisticsRecord:

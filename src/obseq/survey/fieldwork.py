@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NoReturn
@@ -12,6 +10,7 @@ from obseq.boundary import Boundary
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError, SingularSystemError
+from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
@@ -21,7 +20,9 @@ from obseq.survey.adjustment.loose_scale import check_scales
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.singular_words import free_motions_in_words
-from obseq.survey.initial.initial_values import InitialValues, collector_at_rest, values_by
+from obseq.survey.diagnosing.diagnosis import record_of
+from obseq.survey.diagnosing.network_model import NetworkModel, started
+from obseq.survey.initial.initial_values import InitialValues, values_by
 from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.initial.rivals import Choice
@@ -29,21 +30,18 @@ from obseq.survey.model import join
 
 if TYPE_CHECKING:
     from obseq import crs
-    from obseq.stopwatch import Progress
+    from obseq.leastsquares import LeastSquaresResult
+    from obseq.report.units import Units
     from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.adjustment.computation import Computation
+    from obseq.survey.adjustment.computation import Computation, Computed
     from obseq.survey.adjustment.datum import Datum
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook, Points
-    from obseq.survey.screening.findings import GrossError
-    from obseq.survey.screening.robust import Model
-    from obseq.survey.screening.search import Search
 
-_SMALL = 5000
-"""Observations up to which what a search leaves behind takes little memory until its end."""
-_SEARCH = "the search for gross errors"
-_LOG = logging.getLogger(__name__)
+_DIAGNOSIS = "the diagnosis"
+_MOST_NAMED = 5
+"""Errors that a refusal lists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,21 +115,12 @@ class Fieldwork:
         compute = partial(self._computed, self.points, self.book)
         return decided(self.points, self.book, found, compute, self._equations)
 
-    def model(self) -> Model:
-        """How initial values and equations are made, where gross errors are looked for."""
+    @property
+    def units(self) -> Units:
+        """Units in which values are told, and were written."""
         from obseq.report.units import Units
-        from obseq.survey.screening.robust import Model
 
-        return Model(self._started, self._equations, Units(self.shown or METRIC, self.written or METRIC))
-
-    def search(self, progress: Progress | None = None) -> Search:
-        """What contradicts the rest grossly, with likely causes; progress is told to one."""
-        from obseq.survey.screening.search import search
-
-        model = replace(self.model(), progress=progress)
-        is_small = len(self.book.observations) <= _SMALL
-        with collector_at_rest() if is_small else nullcontext():
-            return search(model, self.point_system, self.points, self.book)
+        return Units(self.shown or METRIC, self.written or METRIC)
 
     def adjusted(
         self, datum: Datum, computation: Computation, *, strict: bool, start: InitialValues | None
@@ -158,12 +147,12 @@ class Fieldwork:
 
     def _with_names(self, adjustment: Adjustment) -> Adjustment:
         """The adjustment with what its names make one think of."""
-        from obseq.survey.screening.names import mistyped_names
+        from obseq.survey.causes.names import mistyped_names
 
         boundary, found = Boundary(), (adjustment.points, adjustment.left_out)
         told, notes = boundary.attempt(
             "the search for mistyped names",
-            lambda: mistyped_names(self.model(), self.points, self.book, *found),
+            lambda: mistyped_names(self.units, self.points, self.book, *found),
             ((), ()),
         )
         named = replace(adjustment, warnings=(*told, *adjustment.warnings), notes=(*adjustment.notes, *notes))
@@ -171,7 +160,7 @@ class Fieldwork:
 
     def _blame_names(self, error: ObseqError) -> NoReturn:
         """Raises an error of the adjustment again, with names that may be the reason."""
-        from obseq.survey.screening.names import advice
+        from obseq.survey.causes.names import advice
 
         told = advice(self.points, self.book)
         if told:
@@ -195,16 +184,15 @@ class Fieldwork:
             warnings=(*told, *before.warnings),
             left_out=before.left_out,
             replaced=before.replaced,
-            gross_errors=before.gross_errors,
+            diagnosis=before.diagnosis if before.gross_errors else adjustment.diagnosis,
         )
 
     def _adjusted_as_given(
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
-        from obseq.survey.screening.mirrored import mirror_warning
-        from obseq.survey.screening.odd_sigmas import odd_sigmas
-        from obseq.survey.screening.search import blame, refuse
+        from obseq.survey.causes.mirrored import mirror_warning
+        from obseq.survey.causes.odd_sigmas import odd_sigmas
 
         with computation.watch.phase("initial values"):
             self._check_datum()
@@ -221,73 +209,79 @@ class Fieldwork:
         with computation.watch.phase("equations"):
             equations = self._equations(given)
         check_scales(given, equations, self._equations, computation.whole)
-        announced = self._announced(given, equations, computation, boundary, strict=strict)
-        if announced is not None and announced.errors and announced.places is not None:
-            given = announced.places.places_in(given)
-            equations = self._equations(given)
-            computation = replace(computation, wrong=announced.wrong)
+        check_sights(given.book, given.initial)
+        Plumb(self.frame, given.points).check(given.book, given.initial.orientations)
+        found = self._computed_somehow(given, equations, computation, boundary, strict=strict)
+        with computation.watch.phase("diagnosis"):
+            diagnosis = self._diagnosed(found, computation, boundary)
+        if strict and diagnosis.accused:
+            raise InputError(listed_errors(diagnosis))
+        adjustment = found.adjustment
+        odd = boundary.attempt("the test of sigmas", lambda: odd_sigmas(adjustment, self.units), ())
+        adjustment = replace(adjustment, notes=(*adjustment.notes, *odd), diagnosis=diagnosis)
+        return adjustment.announcing(replaced).warned(*mirrored).failing(boundary.failures)
+
+    def _computed_somehow(
+        self,
+        given: Determined,
+        equations: Equations,
+        computation: Computation,
+        boundary: Boundary,
+        *,
+        strict: bool,
+    ) -> Computed:
+        """The adjustment from the initial values; where that fails, from where a robust estimate leads."""
+        failed: ObseqError | None = None
+        found: Computed | None = None
         try:
-            adjustment = computation.determined(given, equations, strict=strict)
+            found = computation.computed(given, equations, strict=strict)
         except ObseqError as error:
-            search = partial(self._looked_for, announced, given, computation)
-            blame(error, boundary.attempt(_SEARCH, search, ()))
-        explain = partial(self._explained, announced, given, equations, computation, adjustment)
-        errors, told = boundary.attempt(_SEARCH, explain, (announced.errors if announced else (), ()))
-        if strict and errors:
-            refuse(errors)
-        odd = boundary.attempt("the test of sigmas", lambda: odd_sigmas(adjustment, self.model().units), ())
-        adjustment = replace(adjustment, notes=(*adjustment.notes, *odd))
-        told_of = adjustment.announcing(errors, replaced).warned(*mirrored, *told)
-        return told_of.failing(boundary.failures)
+            failed = error
+        if found is not None and found.adjustment.converged:
+            return found
+        model = self._model(given, None)
+        with computation.watch.phase("diagnosis"):
+            start = boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
+        if start is not None:
+            try:
+                again = computation.computed(start, strict=strict)
+            except ObseqError:
+                pass
+            else:
+                if found is None or again.adjustment.converged:
+                    return again
+        if found is not None:
+            return found
+        assert failed is not None
+        told = boundary.attempt(_DIAGNOSIS, lambda: self._recorded(model), None)
+        if told is not None and told.accused:
+            reason = f"the adjustment fails, which may follow from them: {failed}"
+            raise InputError(f"{listed_errors(told)}\n{reason}") from failed
+        raise failed
 
-    def _explained(
-        self,
-        announced: Search | None,
-        given: Determined,
-        equations: Equations,
-        computation: Computation,
-        adjustment: Adjustment,
-    ) -> tuple[tuple[GrossError, ...], tuple[str, ...]]:
-        """The gross errors of an adjustment, and a sentence that lists several."""
-        from obseq.survey.screening.common_factor import common_factor
-        from obseq.survey.screening.shared_offsets import shared_offset_cause
+    def _recorded(self, model: NetworkModel) -> DiagnosisRecord:
+        """What is wrong with a network."""
 
-        errors = announced.errors if announced else ()
-        if not errors:
-            errors = () if adjustment.is_honest else self._looked_for(announced, given, computation)
-            errors = errors or common_factor(self.model(), computation, given, equations, adjustment)
-        errors = shared_offset_cause(self.model(), given, equations, adjustment, errors) or errors
-        return self._told_best(errors, computation, given, equations, adjustment)
+        def begun(points: Points, book: FieldBook) -> Determined:
+            start = Determined(points, book, self._computed(points, book, Choice()))
+            return leave_out(start, start.initial.unplaced)
 
-    def _told_best(
-        self,
-        errors: tuple[GrossError, ...],
-        computation: Computation,
-        given: Determined,
-        equations: Equations,
-        adjustment: Adjustment,
-    ) -> tuple[tuple[GrossError, ...], tuple[str, ...]]:
-        """The gross errors, and a sentence that lists several; none where the adjustment tells them better.
+        return record_of(model, self.units, begun, lambda start: self._model(start, None))
 
-        Components of vectors are looked for one by one; it tests the vectors, and heights of antennas.
-        """
-        from obseq.survey.adjustment.sequence import one_after_the_other
-        from obseq.survey.screening.antennas import antenna_cause, concern_vectors, is_one_vector
-        from obseq.survey.screening.contradictions import contradiction, vectors_of
-        from obseq.survey.screening.known_heights import heights_cause
+    def _model(self, given: Determined, solved: tuple[Equations, LeastSquaresResult] | None) -> NetworkModel:
+        """A network as its diagnosis sees it."""
+        return NetworkModel(self._equations, given, solved, (self.units, self.point_system))
 
-        units = self.model().units
-        found = contradiction(equations, adjustment) if vectors_of(adjustment) else None
-        if found and (heights := heights_cause(found, units)):
-            return heights, ()
-        if errors and not concern_vectors(errors, adjustment):
-            return errors, ()
-        if found and (antenna := antenna_cause(found, units)):
-            return antenna, ()
-        if any(error.points for error in errors):
-            return errors, ()
-        told = one_after_the_other(computation, given, adjustment)
-        return () if told or is_one_vector(adjustment) else errors, told
+    def _diagnosed(self, found: Computed, computation: Computation, boundary: Boundary) -> DiagnosisRecord:
+        """What is wrong with an adjustment; undecided where that cannot be found out."""
+        quality = computation.quality
+        is_as_given = quality.snooping is None and not quality.variance_components
+        solved = (found.equations, found.adjustment.solution) if is_as_given else None
+        return boundary.attempt(
+            _DIAGNOSIS,
+            lambda: self._recorded(self._model(found.start, solved)),
+            DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed"),
+        )
 
     def _check_datum(self) -> None:
         """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""
@@ -305,46 +299,13 @@ class Fieldwork:
                 raise InputError(f"{error}{whole}. By the observations, {moves}") from error
             raise
 
-    def _errors_among_determined(
-        self, start: Determined, computation: Computation, equations: Equations | None = None
-    ) -> Search:
-        """The gross errors without what nothing determines, which therefore contradicts nothing."""
-        kept = computation.whole(start, equations).book.observations.active
-        lost = start.book.observations.active & ~kept
-        work = replace(self, book=self.book.without(lost)) if lost.any() else self
-        return work.search(computation.watch.progress)
-
-    def _looked_for(
-        self, announced: Search | None, start: Determined, computation: Computation
-    ) -> tuple[GrossError, ...]:
-        """The gross errors, looked for unless that was done, be it in vain, for the announcement."""
-        found = self._errors_among_determined(start, computation) if announced is None else announced
-        return found.errors
-
-    def _announced(
-        self,
-        start: Determined,
-        equations: Equations,
-        computation: Computation,
-        boundary: Boundary,
-        *,
-        strict: bool,
-    ) -> Search | None:
-        """The gross errors, looked for where some observation does not fit the initial values; else None."""
-        from obseq.survey.screening.search import is_doubtful, refuse
-
-        check_sights(start.book, start.initial)
-        Plumb(self.frame, start.points).check(start.book, start.initial.orientations)
-        with computation.watch.phase("gross errors"):
-            search = partial(self._errors_among_determined, start, computation, equations)
-            doubtful = boundary.attempt(_SEARCH, lambda: is_doubtful(start, equations), False)
-            found = boundary.attempt(_SEARCH, search, None) if doubtful else None
-        errors = found.errors if found else ()
-        for error in errors:
-            _LOG.info("%s", error.sentence())
-        if strict and errors:
-            refuse(errors)
-        return found
-
     def _equations(self, start: Determined) -> Equations:
         return equations_of(self.frame, self.point_system, start)
+
+
+def listed_errors(found: DiagnosisRecord) -> str:
+    """The errors of a diagnosis, in some lines."""
+    listed = [f"  {one.what}: {one.text}" for one in found.accused[:_MOST_NAMED]]
+    more = len(found.accused) - len(listed)
+    listed += [f"  and {more} more"] if more > 0 else []
+    return "gross errors are suspected, the worst first:\n" + "\n".join(listed)

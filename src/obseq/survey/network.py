@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
     from pathlib import Path
 
+    from obseq.records.diagnosis import AccusedRecord
     from obseq.records.shown_units import ShownUnits
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import FieldBook, Points
-    from obseq.survey.screening.findings import GrossError
 
 MAX_ITERATIONS = 25
 QUALITY = Quality()
@@ -341,8 +341,8 @@ class Network:
         """Adjusts the network by least squares.
 
         Points and stations that the observations do not determine are left out, with their observations;
-        `Adjustment.left_out` names them. Gross errors are looked for before, and named with likely causes
-        (`Adjustment.gross_errors`); the observations are adjusted all the same.
+        `Adjustment.left_out` names them. Gross errors are looked for, and named with likely slips
+        (`Adjustment.diagnosis`); the observations are adjusted all the same.
 
         Args:
             max_iterations: The iterations end at this number when they have not converged before.
@@ -374,6 +374,6 @@ class Network:
         adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
 
-    def gross_errors(self) -> tuple[GrossError, ...]:
-        """What contradicts the rest grossly, with likely causes, the worst first."""
-        return self.fieldwork.search().errors
+    def gross_errors(self) -> tuple[AccusedRecord, ...]:
+        """What is wrong with it: where, by how much, and by which slip; the clearest first."""
+        return self.adjust().gross_errors

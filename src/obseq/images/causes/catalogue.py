@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear_tests import Columns
 from obseq.images.adjustment.equations import roots_of
 from obseq.images.causes.registry import CAUSES
 
@@ -76,9 +76,9 @@ class Catalogue:
 
     def columns(self, linear: Linear) -> Columns:
         """What errors of one unit do to the equations at a linearisation; the unknowns are at it."""
-        from scipy.sparse import csc_array, hstack
+        from scipy.sparse import csc_array, csr_array, hstack
 
-        alone = (linear.whitening @ self._mixtures()).tocsc()
+        alone = (csr_array(linear.whitening) @ self._mixtures()).tocsc()
         alone.data *= -1.0
         parameters = [self._of_parameter(linear, k) for k in range(len(self.numbering.parameters))]
         own = csc_array(np.column_stack(parameters)) if parameters else csc_array((linear.n, 0))

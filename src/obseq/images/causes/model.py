@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from obseq.arrays import BoolArray
+    from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
-    from obseq.diagnosis.linear_tests import Columns
     from obseq.diagnosis.protocol import Change, Slip
     from obseq.images.adjustment.start import Start
     from obseq.images.causes.numbering import Numbering
@@ -193,7 +193,7 @@ class BlockModel:
             residuals=np.append(
                 linear.residuals, weights * np.concatenate([result.prior_residuals(p) for p in priors])
             ),
-            rows=csr_array(vstack([linear.rows, rows], format="csr")),
+            rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
             whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
             leverages=np.concatenate([linear.leverages, *(state.prior_leverages(p) for p in priors)]),
         )

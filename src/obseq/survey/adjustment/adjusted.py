@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec import structs
@@ -41,7 +41,6 @@ from obseq.survey.adjustment.adjusted_records import (
 )
 from obseq.survey.adjustment.joint_groups import joint_records
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
-from obseq.survey.adjustment.suspicion import suspicion
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import Orientation
@@ -54,12 +53,11 @@ if TYPE_CHECKING:
     from obseq.leastsquares import LeastSquaresResult
     from obseq.records.adjustment import (
         EllipsoidRecord,
-        GrossErrorRecord,
         MotionRecord,
         OperationRecord,
         RunRecord,
-        SuspicionRecord,
     )
+    from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.doubtful import Doubtful
@@ -67,17 +65,6 @@ if TYPE_CHECKING:
     from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook
-
-
-_LARGEST_HONEST = 10.0
-"""Normalised residual from which gross errors are looked for."""
-
-
-class Announcement(Protocol):
-    """A gross error, as the search found it."""
-
-    def record(self) -> GrossErrorRecord:
-        """Its entry in the record."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +95,7 @@ class Adjustment:
             None when not asked for, or where the observations alone do not determine the shape (a warning).
         left_out: The points and stations that nothing determined, left out with their observations.
         replaced: The approximate coordinates that observations contradict, and that were not used.
-        gross_errors: What contradicts the rest grossly, with likely causes, the worst first.
+        diagnosis: What is wrong with it; None where nobody has looked.
         undetermined: The motions that the datum of a free network takes away.
         doubtful: The points of which the observations say next to nothing.
         shown: Units of the reports, where the files have others than metres and gon.
@@ -136,7 +123,7 @@ class Adjustment:
     inner: FloatArray | None = None
     left_out: tuple[LeftOut, ...] = ()
     replaced: tuple[Replaced, ...] = ()
-    gross_errors: tuple[GrossErrorRecord, ...] = ()
+    diagnosis: DiagnosisRecord | None = None
     undetermined: tuple[MotionRecord, ...] = ()
     doubtful: tuple[Doubtful, ...] = ()
     shown: ShownUnits | None = None
@@ -152,14 +139,14 @@ class Adjustment:
         """Whether the iterations ended by themselves."""
         return self.solution.converged
 
-    def announcing(self, errors: Sequence[Announcement], replaced: tuple[Replaced, ...]) -> Adjustment:
-        """The adjustment with what was found out before it."""
-        return replace(
-            self,
-            replaced=replaced,
-            gross_errors=tuple(error.record() for error in errors),
-            warnings=(*sentences_of(replaced), *self.warnings),
-        )
+    def announcing(self, replaced: tuple[Replaced, ...]) -> Adjustment:
+        """The adjustment with the approximate coordinates that it did not use."""
+        return replace(self, replaced=replaced, warnings=(*sentences_of(replaced), *self.warnings))
+
+    @property
+    def gross_errors(self) -> tuple[AccusedRecord, ...]:
+        """The errors that were found, the clearest first."""
+        return () if self.diagnosis is None else self.diagnosis.accused
 
     def doubting(self, doubtful: tuple[Doubtful, ...]) -> Adjustment:
         """The adjustment with points that should not be used, named in warnings."""
@@ -180,22 +167,11 @@ class Adjustment:
         return replace(self, inner=factor * covariances)
 
     @property
-    def is_honest(self) -> bool:
-        """Whether it converged to residuals that their sigmas explain, however generously."""
-        largest = float(np.nanmax(np.abs(self.normalised_residuals), initial=0.0))
-        return self.converged and largest < _LARGEST_HONEST
-
-    @property
     def is_complete(self) -> bool:
         """Whether it converged, with all that was given, no error suspected and no point doubtful."""
-        is_clean = not self.gross_errors and self.suspicion is None and not self.doubtful
+        is_clean = (self.diagnosis is None or self.diagnosis.is_quiet) and not self.doubtful
         is_whole = not self.left_out and not self.book.unused and not self.quality.rejected.any()
         return self.converged and is_whole and is_clean and not self.failures
-
-    @property
-    def suspicion(self) -> SuspicionRecord | None:
-        """One gross error that explains what the sigmas do not; None when nothing is suspected."""
-        return suspicion(self.solution, self.quality, self.book, self.points.points, self.known)
 
     @property
     def normalised_residuals(self) -> FloatArray:
@@ -209,7 +185,6 @@ class Adjustment:
         redundancy = None if numbers is None else numbers.redundancy
         fit = Fit(self.book, self.normalised_residuals, standardised, redundancy, shares)
         boundary = Boundary()
-        suspected = boundary.attempt("the search for a single gross error", lambda: self.suspicion, None)
         return AdjustmentRecord(
             n_observations=solution.n_observations,
             n_constraints=solution.n_constraints,
@@ -241,7 +216,7 @@ class Adjustment:
             notes=self.notes,
             left_out=tuple(item.record() for item in self.left_out),
             replaced=tuple(item.record() for item in self.replaced),
-            gross_errors=self.gross_errors,
+            diagnosis=self.diagnosis,
             phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
             run=self.run,
             title=title,
@@ -251,7 +226,6 @@ class Adjustment:
             types=by_type(fit),
             setups=by_setup(fit),
             undetermined=self.undetermined or None,
-            suspicion=suspected,
             doubtful=tuple(item.record() for item in self.doubtful),
             unused=self.book.unused,
             failures=(*self.failures, *boundary.failures),

@@ -64,6 +64,15 @@ def replaced_coordinates(points: Points, system: PointSystem, initial: InitialVa
     return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
 
 
+@dataclass(frozen=True, eq=False)
+class Computed:
+    """An adjustment, the network that was adjusted, and its equations, which stand at the solution."""
+
+    adjustment: Adjustment
+    start: Determined
+    equations: Equations
+
+
 @dataclass(frozen=True)
 class Computation:
     """How networks are adjusted.
@@ -76,7 +85,6 @@ class Computation:
         tolerance: Convergence: no unknown moves any more by this share of its standard deviation.
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
-        wrong: Rows of observations that contradict all others where the iterations start.
         strategy: How the iterations move.
     """
 
@@ -87,7 +95,6 @@ class Computation:
     tolerance: float
     watch: Stopwatch
     quality: Quality
-    wrong: tuple[int, ...] = ()
     strategy: str = "controlled"
 
     def plain(self) -> Computation:
@@ -128,10 +135,14 @@ class Computation:
             SingularSystemError: the observations do not determine some unknowns, and `strict`; or they did
                 where the iterations started.
         """
+        return self.computed(start, equations, strict=strict).adjustment
+
+    def computed(self, start: Determined, equations: Equations | None = None, *, strict: bool) -> Computed:
+        """The same, with the network that was left, and its equations."""
         while True:
             equations = equations or self._equations(start)
             try:
-                return self._adjusted(start, equations)
+                return Computed(self._adjusted(start, equations), start, equations)
             except SingularSystemError as found:
                 error = _with_loose_motions(equations, found)
                 undetermined = singular_parts(start, error)
@@ -164,7 +175,8 @@ class Computation:
                 system.unknowns.restore(first)
 
     def _equations(self, start: Determined) -> Equations:
-        return equations_of(self.frame, self.point_system, start)
+        with self.watch.phase("equations"):
+            return equations_of(self.frame, self.point_system, start)
 
     def _was_determined(self, start: Determined, undetermined: Sequence[Unplaced]) -> bool:
         """Whether these were determined where the iterations started: then they have gone astray instead."""
@@ -181,7 +193,7 @@ class Computation:
     def _adjusted(self, start: Determined, equations: Equations) -> Adjustment:
         """Adjusts what is determined."""
         with self.watch.phase("iterations and covariances"):
-            found = examine(equations, start.book, self.quality, self._solving(equations), self.wrong)
+            found = examine(equations, start.book, self.quality, self._solving(equations))
         _refuse_loose_motions(start, equations, found.solution)
         if not found.solution.converged:
             _require_determined(start, equations, found.solution)

@@ -134,7 +134,6 @@ def examine(
     book: FieldBook,
     wanted: Quality,
     solving: Mapping[str, Any],
-    wrong: tuple[int, ...] = (),
 ) -> Examination:
     """Solves a network, and finds out what is wanted of its quality.
 
@@ -143,15 +142,13 @@ def examine(
         book: Its observations.
         wanted: What to find out.
         solving: Arguments of `LeastSquares.solve`.
-        wrong: Observations that contradict all others where the network is: snooping tests them first.
 
     Raises:
         InputError: The network cannot tell what is wanted.
         SingularSystemError: The observations do not determine some unknowns.
     """
     system = equations.system
-    first = _places(equations, wrong) if wanted.snooping is not None else ()
-    solution = system.solve(covariance=True, **{**solving, "max_iterations": 0} if first else solving)
+    solution = system.solve(covariance=True, **solving)
     if not solution.n_unknowns:  # all is held: normalised residuals say what there is to say
         return Examination(wanted, solution)
     groups = joint_groups(equations, book)
@@ -166,12 +163,9 @@ def examine(
             batches=batches,
             solve_options=solving,
             groups=groups,
-            first=first,
         )
         solution = snooping.result
         change = solution.values(equations.points) - before
-        if first:  # it was not computed where these lead
-            change[:] = np.nan
     components = _components(equations, book, solving) if wanted.variance_components else None
     solution = components.result if components else solution
     levels = wanted.level, wanted.power
@@ -183,12 +177,6 @@ def examine(
     relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
     effects = _effects(equations, quality) if wanted.effects and quality else None
     return Examination(wanted, solution, quality, snooping, change, components, relative, effects)
-
-
-def _places(equations: Equations, rows: tuple[int, ...]) -> tuple[tuple[Batch, int], ...]:
-    """Batches of observations of the field book, and their rows there."""
-    found = {row: (batch, k) for of, batch in equations.batches.values() for k, row in enumerate(of.tolist())}
-    return tuple(found[row] for row in rows if row in found)
 
 
 def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects]:

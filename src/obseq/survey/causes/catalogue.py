@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear_tests import Columns
 from obseq.survey.causes.registry import CAUSES
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from obseq.survey.causes.notes import Notes
 
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
+_FEW = 200_000
+"""Entries up to which matrices are plain arrays: sparse ones take longer to begin, and SciPy to load."""
 _RARITY = {ROW: 0.0, KNOWN: 1.0, KNOWN_PLAN: 4.0}
 
 
@@ -74,8 +76,8 @@ class Catalogue:
         self.hypotheses = Hypotheses([*self._alone(), *self._of_causes()])
 
     def _alone(self) -> list[Family]:
-        """Single observations, known coordinates, and both plan coordinates of a point."""
-        own = np.flatnonzero(self._active[self.rows])
+        """Single observations, but components of vectors; known coordinates, and both in plan of a point."""
+        own = np.flatnonzero(self._active[self.rows] & (self.notes.vectors[self.rows] < 0))
         first, points, components = len(self.rows), self.known[:, 0], self.known[:, 1]
         plan = np.flatnonzero(components < 2)
         plan = plan[np.lexsort((components[plan], points[plan]))]
@@ -104,11 +106,18 @@ class Catalogue:
                 if not len(groups):
                     continue
                 self._parts.append((cause, groups))
-                about = {"needs_slip": cause.needs_slip, "is_bent": cause.is_bent}
+                about = {"needs_slip": cause.needs_slip, "is_bent": cause.is_bent, "is_start": cause.is_one}
                 if cause.effect is None:
                     columns = self._column[groups.rows]
                     families.append(
-                        Family(cause.code, groups.starts, columns, cause.rarity, is_block=True, **about)
+                        Family(
+                            cause.code,
+                            groups.starts,
+                            columns,
+                            cause.rarity,
+                            is_block=not cause.is_one,
+                            **about,
+                        )
                     )
                 else:
                     self._single.append((cause, groups))
@@ -119,8 +128,6 @@ class Catalogue:
 
     def columns(self, linear: Linear, equations: Equations, effects: Effects) -> Columns:
         """What errors of one unit do to the equations, at a linearisation."""
-        from scipy.sparse import coo_array
-
         scales = equations.scales(effects.coordinates)
         first, n = len(self.rows), linear.n
         own = np.append(-scales[self.rows], np.full(len(self.known), -1.0))
@@ -132,10 +139,22 @@ class Catalogue:
             places.append(self._column[groups.rows])
             columns.append(start + np.repeat(np.arange(len(groups)), np.diff(groups.starts)))
             start += len(groups)
-        entries = (np.concatenate(values), (np.concatenate(places), np.concatenate(columns)))
-        matrix = (linear.whitening @ coo_array(entries, shape=(n, start)).tocsr()).tocsc()
         is_local = np.arange(start) < first + len(self.known)
-        return Columns(matrix, is_local)
+        at = np.concatenate(places), np.concatenate(columns)
+        if isinstance(linear.whitening, np.ndarray):
+            plain = np.zeros((n, start))
+            plain[at] = np.concatenate(values)
+            return Columns(linear.whitening.diagonal()[:, None] * plain, is_local)
+        from scipy.sparse import coo_array
+
+        sparse = coo_array((np.concatenate(values), at), shape=(n, start)).tocsr()
+        return Columns((linear.whitening @ sparse).tocsc(), is_local)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether all columns are few enough to be a plain array."""
+        n = self._n_alone
+        return n * (n + sum(len(groups) for _, groups in self._single)) <= _FEW
 
     def named(self, index: int) -> Named:
         """What a hypothesis is."""

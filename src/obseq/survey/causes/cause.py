@@ -70,6 +70,7 @@ class Cause:
         least: Observations that it concerns at least.
         needs_slip: Whether it is told only with a slip that explains it.
         is_bent: Whether the effect of a large error is far from linear.
+        is_one: Whether its observations are one observation of several components.
         groups: Its groups, where those of the scopes are not what is wanted.
     """
 
@@ -86,6 +87,7 @@ class Cause:
     least: int = 2
     needs_slip: bool = False
     is_bent: bool = False
+    is_one: bool = False
     groups: Callable[[Cause, Notes, BoolArray], list[Groups]] | None = None
 
     def where(self, notes: Notes, active: BoolArray) -> list[Groups]:

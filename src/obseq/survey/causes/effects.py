@@ -27,22 +27,26 @@ class Effects:
         coordinates: (p, 3) of the points.
         vectors: (n, 3) from instrument to target, heights included; NaN where a point has no place.
         up: (n, 3) vertical of the instrument.
+        axes: (n, 3) what a metre east, north and up adds to components of vectors; NaN of others.
     """
 
     notes: Notes
     coordinates: FloatArray
     vectors: FloatArray
     up: FloatArray
+    axes: FloatArray
 
     @classmethod
     def of(cls, notes: Notes, equations: Equations, coordinates: FloatArray) -> Effects:
         """Those of a network, its heights as its field book gives them."""
         rows = notes.book.observations
-        up = equations.verticals(rows.from_points.astype(np.int64), coordinates)
+        origins = np.where(rows.from_points < len(coordinates), rows.from_points, 0).astype(np.int64)
+        up = equations.verticals(origins, coordinates)
         places = np.full((len(notes.book.point_names), 3), np.nan)
         places[: len(coordinates)] = coordinates
+        axes = equations.local_axes(coordinates)
         raised = (rows.to_heights - rows.from_heights)[:, None] * up
-        return cls(notes, coordinates, places[rows.to_points] - places[rows.from_points] + raised, up)
+        return cls(notes, coordinates, places[rows.to_points] - places[rows.from_points] + raised, up, axes)
 
     @property
     def ones(self) -> FloatArray:
@@ -58,6 +62,11 @@ class Effects:
     def lengths(self) -> FloatArray:
         """Of the sights (m)."""
         return np.asarray(np.maximum(np.nan_to_num(np.linalg.norm(self.vectors, axis=1)), _SHORTEST))
+
+    @property
+    def upward(self) -> FloatArray:
+        """Of components of vectors whose end is a metre too high in them; 0 of all others."""
+        return np.asarray(-np.nan_to_num(self.axes[:, 2]))
 
     @cached_property
     def raised(self) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.survey.adjustment.joint_groups import vector_numbers
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import AXIS_OF_VECTOR, among, codes_for, codes_where
 from obseq.survey.model import GroupKind
@@ -70,8 +71,17 @@ class Notes:
         return np.asarray(AXIS_OF_VECTOR[self.book.observations.types] >= 0)
 
     @cached_property
+    def vectors(self) -> IntArray:
+        """The vector that each is a component of, by what files give as one; -1 for none."""
+        numbers = vector_numbers(self.book)
+        return np.where(np.isin(numbers, np.flatnonzero(np.bincount(numbers[numbers >= 0]) > 1)), numbers, -1)
+
+    @cached_property
     def setups(self) -> IntArray:
-        """The set-up of each; -1 for none. Lengths read among the directions of one are part of it."""
+        """The set-up of each; -1 for none. Lengths read among the directions of one are part of it.
+
+        So are the lengths from a point that has no other set-up.
+        """
         rows = self.book.observations
         n, found = len(rows), rows.stations.astype(np.int64)
         if not n or not len(self.book.stations):
@@ -85,6 +95,12 @@ class Notes:
             known = is_loose & (near >= 0) & (near < n)
             known[known] = runs[near[known]] == runs[known]
             found[known] = rows.stations[near[known]]
+        origins = self.book.stations.origins
+        counts = np.bincount(origins, minlength=len(self.book.point_names))
+        only = np.full(len(self.book.point_names), -1, np.int64)
+        only[origins] = np.arange(len(origins))
+        is_loose &= (found < 0) & (counts[rows.from_points] == 1)
+        found[is_loose] = only[rows.from_points[is_loose]]
         return found
 
     @cached_property
@@ -92,6 +108,18 @@ class Notes:
         """The sight of each, from a set-up to a target; -1 for those of no set-up."""
         rows, width = self.book.observations, len(self.book.point_names)
         return np.where(self.setups >= 0, self.setups * width + rows.to_points, -1)
+
+    @cached_property
+    def readings(self) -> IntArray:
+        """The sight of each, counted anew where the same is read again: a round of its own; -1 for none."""
+        rows, sights = self.book.observations, self.sights
+        keys = sights * (1 + int(rows.types.max(initial=0))) + rows.types
+        order = np.lexsort((np.arange(len(keys)), keys))
+        firsts = np.append(True, np.diff(keys[order]) != 0)[: len(keys)]
+        places = np.arange(len(keys))
+        rounds = np.empty(len(keys), np.int64)
+        rounds[order] = places - np.maximum.accumulate(np.where(firsts, places, 0))
+        return np.where(sights >= 0, sights * (1 + int(rounds.max(initial=0))) + rounds, -1)
 
     @cached_property
     def instruments(self) -> IntArray:

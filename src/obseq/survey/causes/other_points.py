@@ -20,7 +20,7 @@ _FITS = 4.0
 
 
 def _sights(effects: Effects, row: int) -> tuple[FloatArray, FloatArray]:
-    """(p, 3) vectors from the instrument of an observation to all points at its height of target, and up."""
+    """(p, 3) vectors from the instrument of an observation to all points, target raised as noted; and up."""
     rows = effects.notes.book.observations
     up = effects.up[row]
     raised = (rows.to_heights[row] - rows.from_heights[row]) * up
@@ -73,7 +73,8 @@ def other_target(effects: Effects, computed: FloatArray, rows: IntArray, sigmas:
         off, spread = observations.values[row] - read, _PRISM
         if IS_ANGLE[observations.types[row]]:
             off = np.remainder(off + math.pi, 2.0 * math.pi) - math.pi
-            spread = _PRISM / np.linalg.norm(_sights(effects, row)[0], axis=1)
+            lengths = np.linalg.norm(_sights(effects, row)[0], axis=1)
+            spread = _PRISM / np.maximum(lengths, _PRISM)
         with np.errstate(invalid="ignore", divide="ignore"):
             worst = np.maximum(worst, np.nan_to_num(np.abs(off) / np.hypot(sigma, spread), nan=np.inf))
     best = int(np.argmin(worst))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from obseq.survey.causes.antenna import ANTENNA
 from obseq.survey.causes.circle import CIRCLE
 from obseq.survey.causes.distance_constant import CONSTANT
 from obseq.survey.causes.distance_scale import SCALE
 from obseq.survey.causes.index_error import INDEX
 from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
+from obseq.survey.causes.level_scale import LEVEL_SCALE
 from obseq.survey.causes.target_height import TARGET_HEIGHT
+from obseq.survey.causes.vector import WHOLE_VECTOR
 from obseq.survey.causes.wrong_standpoint import STANDPOINT
 from obseq.survey.causes.wrong_target import TARGET
 
@@ -20,5 +23,8 @@ CAUSES = (
     SCALE,
     TARGET,
     STANDPOINT,
+    WHOLE_VECTOR,
+    ANTENNA,
+    LEVEL_SCALE,
 )
 """Where one column would be made twice, the first has it."""

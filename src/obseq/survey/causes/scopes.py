@@ -31,6 +31,8 @@ def _point(notes: Notes, label: int, _rows: IntArray) -> str:
 
 SETUP = Scope("setup", lambda notes: notes.setups, _setup)
 SIGHT = Scope("sight", lambda notes: notes.sights, _sight)
+READING = Scope("reading", lambda notes: notes.readings, _sight)
+VECTOR = Scope("vector", lambda notes: notes.vectors, _sight)
 FILE = Scope(
     "file",
     lambda notes: notes.book.observations.file_indices.astype(np.int64),

@@ -1,7 +1,7 @@
 """WHAT: the slips that may be behind an error that was found, and how well they fit.
 
-A slip says nothing of where the error is. It is told where it turns what should have been written into
-what was written, and where a fit by accident is improbable.
+A slip says nothing of where the error is. It is told where it turns what should have been written into what
+was written, and where a fit by accident is improbable.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from obseq.diagnosis.protocol import Slip
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, ROW
 from obseq.survey.causes.circle import CIRCLE
 from obseq.survey.causes.distance_constant import CONSTANT
+from obseq.survey.causes.distance_scale import SCALE
 from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
+from obseq.survey.causes.level_scale import LEVEL_SCALE
 from obseq.survey.causes.other_points import other_standpoint, other_target, readings_to
 from obseq.survey.causes.target_height import TARGET_HEIGHT
 from obseq.survey.causes.values import COORDINATE, LIKELY, difference, explain
@@ -37,6 +39,14 @@ if TYPE_CHECKING:
 
 PRISMS = (0.0344, 0.0300, 0.0350, 0.0175, 0.0169, 0.0231, 0.0400, 0.0111, 0.0086)
 """Constants (m) by which prisms of makers differ from each other and from none."""
+_ROUNDED = 1e-3
+"""Of a factor between units: what rounded values leave of it."""
+_UNITS = (
+    ("W126", "millimetres read as metres", 1e-3),
+    ("W127", "centimetres read as metres", 1e-2),
+    ("W106", "feet read as metres", 0.3048),
+    ("W107", "metres read as feet", 1.0 / 0.3048),
+)
 _NOTED = 0.0005
 """Half of the millimetre to which heights and constants are noted (m)."""
 
@@ -76,11 +86,11 @@ def _of_row(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
     if not math.isfinite(expected) or abs(difference(kind, value, expected)) <= 2.0 * tolerance:
         return
     if told := explain(kind, value, expected, tolerance, evidence.units):
-        yield Slip(told.code, told.text, told.chance, is_strong=True)
+        yield Slip(told.code, told.text, told.chance, is_strong=told.chance < LIKELY)
     if notes.is_slope[row]:
         flat = _flat(evidence.effects, row)
         if abs(value - flat) <= tolerance and 2.0 * tolerance / abs(value) < LIKELY:
-            yield Slip("W109", "the horizontal distance in place of the slope distance", 0.0, is_strong=True)
+            yield Slip("W108", "the horizontal distance in place of the slope distance", 0.0, is_strong=True)
     yield from _of_another_reading(named, tolerance, evidence)
 
 
@@ -100,34 +110,34 @@ def _of_another_reading(named: Named, tolerance: float, evidence: Evidence) -> I
         mine = abs(difference(kind, value, evidence.computed[other])) <= tolerance
         its = abs(difference(kind, float(rows.values[other]), evidence.computed[row])) <= tolerance
         if other != row and mine and its:
-            yield Slip("W114", f"exchanged with {effects.notes.book.label(other)}", 0.0, is_strong=True)
+            yield Slip("W113", f"exchanged with {effects.notes.book.label(other)}", 0.0, is_strong=True)
             return
     read = readings_to(effects, evidence.computed, row)
     off = np.array([abs(difference(kind, value, one)) for one in read.tolist()])
     span = 2.0 * math.pi if kind.is_angle else 2.0 * abs(value)
     fits = np.flatnonzero(off <= tolerance)
-    chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / span
+    chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / max(span, tolerance)
     if fits.size and chance < LIKELY:
         best = int(fits[np.argmin(off[fits])])
-        yield Slip("W113", f"read to {names[best]}", float(chance), is_strong=False)
+        yield Slip("W112", f"read to {names[best]}", float(chance), is_strong=False)
 
 
 def _of_target(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
     if (other := other_target(evidence.effects, evidence.computed, named.rows, change.sigma)) is not None:
         name = evidence.effects.notes.book.point_names[other]
-        yield Slip("W119", f"it is {name} that was sighted", 0.0, is_strong=True)
+        yield Slip("W118", f"it is {name} that was sighted", 0.0, is_strong=True)
 
 
 def _of_standpoint(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
     if (other := other_standpoint(evidence.effects, named.rows, change.sigma)) is not None:
         name = evidence.effects.notes.book.point_names[other]
-        yield Slip("W120", f"the instrument stood on {name}", 0.0, is_strong=True)
+        yield Slip("W119", f"the instrument stood on {name}", 0.0, is_strong=True)
 
 
 def _of_circle(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
     turned = abs(math.remainder(float(change.size[0]), 2.0 * math.pi))
     if abs(turned - math.pi) <= POLICY.near * change.sigma[0]:
-        yield Slip("W118", "the other face was read from there on", 0.0, is_strong=True)
+        yield Slip("W117", "the other face was read from there on", 0.0, is_strong=True)
 
 
 def _of_height(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
@@ -138,24 +148,33 @@ def _of_height(named: Named, change: Change, evidence: Evidence) -> Iterator[Sli
     tolerance, right = POLICY.near * float(change.sigma[0]) + _NOTED, written - size
     if abs(size) <= 2.0 * tolerance:
         return
+    others = np.unique(np.concatenate([rows.from_heights, rows.to_heights]))
+    used = others[others > 0.0]
     if written == 0.0:
-        yield Slip("W115", f"a height of {right:.3f} m was left out", 0.0, is_strong=right > 0.0)
+        is_like_others = bool(used.size) and 0.5 * used[0] <= right <= 2.0 * used[-1]
+        yield Slip("W114", f"a height of {right:.3f} m was left out", 0.0, is_strong=is_like_others)
     elif abs(right + written) <= tolerance:
-        yield Slip("W116", "the sign of the height is wrong", 0.0, is_strong=True)
+        yield Slip("W115", "the sign of the height is wrong", 0.0, is_strong=True)
     elif right == 0.0 or abs(right) <= tolerance:
-        yield Slip("W116", "the height does not belong there", 0.0, is_strong=True)
+        yield Slip("W115", "the height does not belong there", 0.0, is_strong=True)
     else:
-        others = np.unique(np.concatenate([rows.from_heights, rows.to_heights]))
         near = others[(np.abs(others - right) <= tolerance) & (others != written)]
         if near.size and len(others) * 2.0 * tolerance / max(float(np.ptp(others)), tolerance) < LIKELY:
-            yield Slip("W117", f"{near[0]:.3f} m, the height of another line, fits", 0.0, is_strong=False)
+            yield Slip("W116", f"{near[0]:.3f} m, the height of another line, fits", 0.0, is_strong=False)
 
 
 def _of_constant(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
     size, tolerance = abs(float(change.size[0])), POLICY.near * float(change.sigma[0])
     near = min(PRISMS, key=lambda one: abs(one - size))
     if abs(near - size) <= tolerance and len(PRISMS) * 2.0 * tolerance / max(PRISMS) < POLICY.chance:
-        yield Slip("W121", f"prisms differ by {1e3 * near:.1f} mm", 0.0, is_strong=False)
+        yield Slip("W120", f"prisms differ by {1e3 * near:.1f} mm", 0.0, is_strong=False)
+
+
+def _of_scale(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
+    right, tolerance = 1.0 - float(change.size[0]), POLICY.near * float(change.sigma[0])
+    for code, text, factor in _UNITS:
+        if abs(right - factor) <= max(tolerance, _ROUNDED * factor):
+            yield Slip(code, text, abs(right - factor), is_strong=True)
 
 
 def _of_known(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
@@ -170,7 +189,7 @@ def _of_known(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip
     if abs(value - expected) > 2.0 * tolerance and (
         told := explain(COORDINATE, value, expected, tolerance, evidence.units)
     ):
-        yield Slip("W123", told.text, told.chance, is_strong=True)
+        yield Slip(told.code, told.text, told.chance, is_strong=told.chance < LIKELY)
 
 
 def _of_plan(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
@@ -179,13 +198,13 @@ def _of_plan(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]
     tolerance = POLICY.near * float(np.max(change.sigma)) + _NOTED
     given, fitting = points.coordinates[point, :2], place[point, :2]
     if np.abs(given[::-1] - fitting).max() <= tolerance < np.abs(given - fitting).max():
-        yield Slip("W124", "easting and northing are exchanged", 0.0, is_strong=True)
+        yield Slip("W123", "easting and northing are exchanged", 0.0, is_strong=True)
         return
     gaps = np.linalg.norm(place[:, :2] - given, axis=1)
     gaps[point] = np.inf
     other = int(np.nanargmin(gaps))
     if gaps[other] <= tolerance:
-        yield Slip("W134", f"these are the coordinates of {points.names[other]}", 0.0, is_strong=True)
+        yield Slip("W133", f"these are the coordinates of {points.names[other]}", 0.0, is_strong=True)
 
 
 _FINDERS = {
@@ -198,4 +217,6 @@ _FINDERS = {
     INSTRUMENT_HEIGHT.code: _of_height,
     TARGET_HEIGHT.code: _of_height,
     CONSTANT.code: _of_constant,
+    SCALE.code: _of_scale,
+    LEVEL_SCALE.code: _of_scale,
 }

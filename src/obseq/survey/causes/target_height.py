@@ -1,7 +1,7 @@
 """A wrong height of a target."""
 
 from obseq.survey.causes.cause import Cause
-from obseq.survey.causes.scopes import SIGHT, TO
+from obseq.survey.causes.scopes import READING, SIGHT, TO
 
 TARGET_HEIGHT = Cause(
     "S131",
@@ -11,7 +11,7 @@ TARGET_HEIGHT = Cause(
     "Look up the height in the field notes, and correct it in all lines to the target.",
     "m",
     4.0,
-    (SIGHT, TO),
+    (SIGHT, READING, TO),
     lambda notes: notes.is_raised,
     lambda effects: effects.raised,
     is_bent=True,

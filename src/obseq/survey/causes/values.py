@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.diagnosis.policy import POLICY
 from obseq.report.units import METRIC, Scale, Sexagesimal
 from obseq.survey.kinds.kind import ObservationKind, Start
 
@@ -30,8 +31,6 @@ _FEWEST_DECIMALS = 3
 _FEET_TEXT = "feet read as metres"
 LIKELY = 0.02
 """Chance below which an explanation is believed."""
-_LIKELY_DIGITS = 0.1
-"""The same for digits of a coordinate: the share of errors of such a size that would look like a slip."""
 
 
 @dataclass(frozen=True)
@@ -61,41 +60,42 @@ class Explanation:
 
 
 _ANGLES = (
-    Mistake("W101", "degrees read as gon", lambda v: v * 10.0 / 9.0),
-    Mistake("W102", "gon read as degrees", lambda v: v * 0.9, 0.9),
-    Mistake("W126", "radians read as gon", lambda v: v * GON),
-    Mistake("W112", "degrees, minutes and seconds (ddd.mmss) read as gon", lambda v: _sexagesimal(v * GON)),
+    Mistake("W100", "degrees read as gon", lambda v: v * 10.0 / 9.0),
+    Mistake("W101", "gon read as degrees", lambda v: v * 0.9, 0.9),
+    Mistake("W125", "radians read as gon", lambda v: v * GON),
+    Mistake("W111", "degrees, minutes and seconds (ddd.mmss) read as gon", lambda v: _sexagesimal(v * GON)),
 )
 _LENGTHS = (
-    Mistake("W127", "millimetres read as metres", lambda v: v / 1000.0, 1e-3),
-    Mistake("W128", "centimetres read as metres", lambda v: v / 100.0, 1e-2),
-    Mistake("W129", "kilometres read as metres", lambda v: v * 1000.0),
-    Mistake("W107", _FEET_TEXT, lambda v: v * FEET, FEET),
+    Mistake("W126", "millimetres read as metres", lambda v: v / 1000.0, 1e-3),
+    Mistake("W127", "centimetres read as metres", lambda v: v / 100.0, 1e-2),
+    Mistake("W128", "kilometres read as metres", lambda v: v * 1000.0),
+    Mistake("W106", _FEET_TEXT, lambda v: v * FEET, FEET),
 )
-_SIGN = Mistake("W106", "the sign, or the order of the two points, is wrong", lambda v: -v)
+_SIGN = Mistake("W105", "the sign, or the order of the two points, is wrong", lambda v: -v)
 _OF_ZENITH = (
-    Mistake("W104", "an elevation in place of a zenith angle", lambda v: math.pi / 2.0 - v),
+    Mistake("W103", "an elevation in place of a zenith angle", lambda v: math.pi / 2.0 - v),
     Mistake(
-        "W133", "an elevation in degrees in place of a zenith angle", lambda v: math.pi / 2.0 - v * 10.0 / 9.0
+        "W132", "an elevation in degrees in place of a zenith angle", lambda v: math.pi / 2.0 - v * 10.0 / 9.0
     ),
-    Mistake("W105", "counted from the nadir", lambda v: math.pi - v),
-    Mistake("W103", "read in the other face", lambda v: 2.0 * math.pi - v),
+    Mistake("W103", "an elevation below the horizon in place of a zenith angle", lambda v: math.pi / 2.0 + v),
+    Mistake("W104", "counted from the nadir", lambda v: math.pi - v),
+    Mistake("W102", "read in the other face", lambda v: 2.0 * math.pi - v),
 )
 _OF_HZ = (
-    Mistake("W132", "counted anticlockwise", lambda v: -v),
-    Mistake("W103", "read in the other face, or backwards", lambda v: v + math.pi),
+    Mistake("W131", "counted anticlockwise", lambda v: -v),
+    Mistake("W102", "read in the other face, or backwards", lambda v: v + math.pi),
 )
 _OF_ANGLE = (
-    Mistake("W132", "counted anticlockwise, or its first and last points exchanged", lambda v: -v),
+    Mistake("W131", "counted anticlockwise, or its first and last points exchanged", lambda v: -v),
     _OF_HZ[1],
 )
 
 
 _DIGITS = {
-    "one digit is wrong": "W110",
-    "two digits are exchanged": "W111",
-    "a leading digit is missing": "W131",
-    "the decimal point is in the wrong place": "W130",
+    "one digit is wrong": "W109",
+    "two digits are exchanged": "W110",
+    "a leading digit is missing": "W130",
+    "the decimal point is in the wrong place": "W129",
 }
 COORDINATE = ObservationKind("coordinate", 0, "coordinate of a point", "")
 """A known coordinate, as something that may be written wrong like an observation."""
@@ -120,7 +120,7 @@ def in_unit_of(mistake: Mistake, units: Units) -> Mistake:
     factor = units.written.length.factor
     if mistake.text != _FEET_TEXT or not are_feet(units):
         return mistake
-    return replace(mistake, code="W108", text="metres read as feet", right=lambda v: v * factor, factor=1.0)
+    return replace(mistake, code="W107", text="metres read as feet", right=lambda v: v * factor, factor=1.0)
 
 
 def _sexagesimal(value: float) -> float:
@@ -148,8 +148,8 @@ def explain(
     span = 2.0 * math.pi if kind.is_angle else 2.0 * max(abs(value), abs(expected))
     by_mistake = _by_mistakes(kind, value, expected, tolerance, span)
     by_digits = _by_digits(kind, value, expected, tolerance, span, scale)
-    digits = _LIKELY_DIGITS if kind is COORDINATE else LIKELY
-    found = [e for e in by_mistake if e.chance < LIKELY] + [e for e in by_digits if e.chance < digits]
+    found = [e for e in by_mistake if e.chance < LIKELY]
+    found = found or [e for e in by_digits if e.chance < POLICY.chance]
     return min(found, key=lambda e: e.chance, default=None)
 
 
@@ -196,17 +196,13 @@ def _by_digits(
         if abs(gap) <= margin:
             # a slip of which there are few ways to happen is not made likelier to hit by those with many
             ways = min(len(tried), len(slips) * slips[text])
-            chance = ways * 2.0 * tolerance / span
-            if kind is COORDINATE:
-                chance = _share_of_slips([other for _, other in tried], read, expected * unit, margin)
+            share = _share_of_slips([other for _, other in tried], read, expected * unit, margin)
+            chance = share if kind is COORDINATE else max(share, ways * 2.0 * tolerance / span)
             yield Explanation(_DIGITS[text], text, chance)
 
 
 def _share_of_slips(tried: list[float], read: float, expected: float, tolerance: float) -> float:
-    """Which share of errors about as large as one (half to twice) some slip of the pen would explain.
-
-    A coordinate may be off by anything, however many digits it has: what it is says nothing of that.
-    """
+    """Which share of errors about as large as one (half to twice) some slip of the pen would explain."""
     size = abs(expected - read)
     alike = sum(0.5 * size <= abs(right - read) <= 2.0 * size for right in tried)
     return min(1.0, alike * 2.0 * tolerance / (3.0 * size))

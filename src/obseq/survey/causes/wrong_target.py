@@ -1,7 +1,7 @@
 """Readings to another target than the one that is noted."""
 
 from obseq.survey.causes.cause import Cause
-from obseq.survey.causes.scopes import SIGHT
+from obseq.survey.causes.scopes import READING, SIGHT
 
 TARGET = Cause(
     "S160",
@@ -11,7 +11,7 @@ TARGET = Cause(
     "Correct the name of the target.",
     "",
     5.0,
-    (SIGHT,),
+    (SIGHT, READING),
     lambda notes: notes.setups >= 0,
     needs_slip=True,
 )

@@ -9,7 +9,8 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.diagnosis.linear import linearised
-from obseq.errors import SingularSystemError
+from obseq.diagnosis.policy import POLICY
+from obseq.errors import ObseqError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.strategies import GaussNewton
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
@@ -25,10 +26,10 @@ from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
-    from obseq.diagnosis.linear_tests import Columns
     from obseq.diagnosis.protocol import Change, Slip
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.leastsquares.problem.unknowns import State
@@ -45,6 +46,8 @@ _STAGES = ((Huber(1.5), 14, 0.3), (GemanMcClure(8.0), 6, 0.1), (GemanMcClure(4.0
 """Losses of the robust start, the most iterations with each, and how near they come (standard deviations)."""
 _FOLLOW = 3
 """Verticals and refraction are computed anew after so many iterations of the robust start."""
+_ENDLESS = 1e9
+"""Misfit beyond which a contradiction is a whole one."""
 _ITERATIONS, _TOLERANCE = 20, 1e-4
 _HELD = 0.1
 """Of the smallest sigma of a length: the sigma with which held coordinates are doubted."""
@@ -75,6 +78,7 @@ class NetworkModel:
 
     Attributes:
         given: The network, held coordinates with a sigma.
+        as_given: The network as it is.
         catalogue: What may be wrong.
     """
 
@@ -97,7 +101,7 @@ class NetworkModel:
         self._solved, self._written = solved, written
         self._evidence: tuple[Place, Evidence] | None = None
         points = doubted(given.points, given.book)
-        self._is_as_given = points is given.points
+        self._is_as_given, self.as_given = points is given.points, given
         self.given = replace(given, points=points)
         self.notes = Notes(self.given.points, self.given.book)
 
@@ -128,6 +132,13 @@ class NetworkModel:
 
     def robust(self, without: Sequence[Change] = ()) -> Place:
         """Where iterations with redescending losses lead from the initial values."""
+        return self._robustly(without) if without else self._robust
+
+    @cached_property
+    def _robust(self) -> Place:
+        return self._robustly(())
+
+    def _robustly(self, without: Sequence[Change]) -> Place:
         equations = self._equations(self._corrected(without))
         system, batches = equations.system, _batches(equations)
 
@@ -145,7 +156,7 @@ class NetworkModel:
                 analysis.iterate(
                     GaussNewton(), Options(count, near), analysis.redundancy, before, lambda _: None
                 )
-        except SingularSystemError:
+        except ObseqError:
             pass  # what has been found so far is what there is
         finally:
             for batch in batches:
@@ -162,7 +173,10 @@ class NetworkModel:
             equations, book = self._at(heights, place), heights.book
             equations.follow(equations.system, 0)
             result = _solved(equations, max_iterations=0, covariance=True)
-        linear = linearised(equations.system, result, _batches(equations))
+        is_few = self.catalogue.is_small and not self.given.book.clusters
+        linear = linearised(
+            equations.system, result, _batches(equations), dense=is_few and _is_plain(equations)
+        )
         notes = self.notes if book is self.given.book else Notes(self.given.points, book)
         effects = Effects.of(notes, equations, place.coordinates)
         return linear, self.catalogue.columns(linear, equations, effects)
@@ -192,6 +206,21 @@ class NetworkModel:
         residuals, _ = equations.fitted(equations.system)
         effects = Effects.of(self.notes, equations, place.coordinates)
         return Evidence(effects, self.given.book.observations.values + residuals, *self._written)
+
+    @property
+    def point_system(self) -> PointSystem:
+        """Of the coordinates of points."""
+        return self._written[1]
+
+    def contradictions(self) -> tuple[float, BoolArray]:
+        """How many observations contradict the robust place, counted softly, and which of them do."""
+        place = self.robust()
+        equations = self._at(self.given, place)
+        equations.follow(equations.system, 0)
+        residuals, sigmas = equations.fitted(equations.system)
+        sizes = np.abs(np.nan_to_num(residuals)) / (POLICY.suspect * sigmas)
+        squares = np.square(np.minimum(sizes, _ENDLESS))
+        return float(np.sum(squares / (1.0 + squares))), sizes > 1.0
 
     def _at(self, given: Determined, place: Place) -> Equations:
         """The equations of a network, its unknowns at a place."""
@@ -238,7 +267,14 @@ class NetworkModel:
         """(n,) what a unit of a cause that is no height adds to computed minus observed, anywhere."""
         nowhere = np.zeros((len(self.notes.book.observations), 3))
         assert cause.effect is not None
-        return cause.effect(Effects(self.notes, np.zeros((0, 3)), nowhere, nowhere))
+        return cause.effect(Effects(self.notes, np.zeros((0, 3)), nowhere, nowhere, nowhere))
+
+
+def started(model: NetworkModel) -> Determined:
+    """A network where a robust estimate leads from its initial values."""
+    place = model.robust()
+    initial = replace(model.given.initial, coordinates=place.coordinates, rotations=place.rotations)
+    return replace(model.as_given, initial=initial)
 
 
 def doubted(points: Points, book: FieldBook) -> Points:
@@ -253,6 +289,7 @@ def doubted(points: Points, book: FieldBook) -> Points:
         found = ends[observations.active & ~level]
         named[found[found < len(points)]] = True
     wanted = held & np.column_stack([named, named, np.ones(len(points), np.bool_)])
+    wanted &= points.has_coordinates[:, None]
     lengths = observations.sigmas[observations.active & ~IS_ANGLE[observations.types]]
     sigma = _HELD * (float(lengths.min()) if lengths.size else 1e-3)
     return replace(points, sigmas=np.where(wanted, sigma, points.sigmas))
@@ -261,6 +298,11 @@ def doubted(points: Points, book: FieldBook) -> Points:
 def _batches(equations: Equations) -> list[Batch]:
     """All batches: those of observations, then those of known coordinates."""
     return [*(batch for _, batch in equations.batches.values()), *equations.known.places()]
+
+
+def _is_plain(equations: Equations) -> bool:
+    """Whether none of its observations are correlated."""
+    return all(batch.clusters is None for batch in _batches(equations))
 
 
 def _solved(equations: Equations, **options: Any) -> LeastSquaresResult:

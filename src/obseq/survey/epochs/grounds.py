@@ -6,17 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from obseq.printable import listed
-from obseq.records.shown_units import METRIC
-from obseq.report.units import Units
-from obseq.report.verdict import test_of
 from obseq.survey.adjustment.adjusted_records import global_test_record
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
-    from obseq.records.quality import SuspicionRecord
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import Observations
 
@@ -31,8 +28,6 @@ def obstacles(epochs: Sequence[Adjustment]) -> Iterator[str]:
             yield f"epoch {number} did not converge: adjust it first"
         for error in epoch.gross_errors:
             yield f"epoch {number} holds a gross error, adjust it first: {error.what}: {error.text}"
-        if not epoch.gross_errors and (suspicion := epoch.suspicion) is not None:
-            yield f"epoch {number}: {_suspected(epoch, suspicion)}"
 
 
 def without_explained(epoch: Adjustment, moved: Collection[str], reference: Collection[str]) -> Adjustment:
@@ -47,22 +42,14 @@ def without_explained(epoch: Adjustment, moved: Collection[str], reference: Coll
         reference: All reference points.
     """
     agrees = bool(epoch.undetermined) and fits(epoch)
+    if epoch.diagnosis is None:
+        return epoch
     errors = tuple(
         error
-        for error in epoch.gross_errors
-        if not (error.points and agrees)
-        and not (set(error.points) & set(moved) and set(error.points) <= set(reference))
+        for error, names in ((one, {point.name for point in one.points}) for one in epoch.gross_errors)
+        if not (names and agrees) and not (names & set(moved) and names <= set(reference))
     )
-    return replace(epoch, gross_errors=errors)
-
-
-def _suspected(epoch: Adjustment, suspicion: SuspicionRecord) -> str:
-    """The one gross error that is suspected in an epoch, and what to do."""
-    size = Units(epoch.shown or METRIC).small(suspicion.unit, suspicion.blunder)
-    return (
-        f"a gross error is suspected in {' or '.join(suspicion.observations)}, off by about {size} "
-        f"({test_of(suspicion)}): check it, correct it or leave it out, and compare again"
-    )
+    return replace(epoch, diagnosis=structs.replace(epoch.diagnosis, accused=errors))
 
 
 def at_odds(known: Sequence[str]) -> tuple[str, ...]:

@@ -63,8 +63,8 @@ def by_observations(epoch: Adjustment, names: Sequence[str]) -> Adjustment | Non
     except ObseqError:
         return None
     # observations that agree with one another hold no gross error: they contradicted the known coordinates
-    errors = () if fits(found) else epoch.gross_errors
-    return replace(found, gross_errors=errors, left_out=epoch.left_out, shown=epoch.shown)
+    diagnosis = None if fits(found) else epoch.diagnosis
+    return replace(found, diagnosis=diagnosis, left_out=epoch.left_out, shown=epoch.shown)
 
 
 def _computation(epoch: Adjustment) -> Computation:

@@ -173,7 +173,7 @@ def _unmeasured(record: AdjustmentRecord) -> AdjustmentRecord:
         sigma0=None,
         variance_factor=None,
         global_test=None,
-        suspicion=None,
+        diagnosis=None,
         types=None,
         setups=None,
         joint=(),

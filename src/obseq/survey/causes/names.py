@@ -12,20 +12,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import ObseqError
 from obseq.printable import listed
-from obseq.survey.screening.robust import GROSS, QUICK, estimate
-from obseq.survey.screening.substitutes import End, substitutes
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import among, codes_for
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.report.units import Scale
+    from obseq.report.units import Scale, Units
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints
     from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook, Points
-    from obseq.survey.screening.robust import Estimate, Model
 
 _LOOK_ALIKE = str.maketrans("OQILZSB", "0011258")
 _FARTHEST = 0.5
@@ -34,14 +32,14 @@ _LEAST_PRECISION = 0.001
 """Precision (m) that a place has at best when points are compared."""
 _SAME = 5.0
 """Standard deviations within which two points of nearly one name are taken for one."""
+_GROSS = 10.0
+"""Standard deviations within which a point lies at a place that it was adjusted to."""
 _LONG = 4
 """Letters from which one wrong letter makes names alike where nothing but names is compared."""
 _MOST = 20
 """Left out points of which it is asked what they may be, unused points that are named."""
 _TREE = 500
 """Points from which pairs are looked for in a tree."""
-_LARGEST = 20_000
-"""Observations up to which a network is computed again for that."""
 
 
 def are_alike(a: str, b: str) -> bool:
@@ -102,7 +100,7 @@ def _named_only_by_observations(points: Points, name: str) -> list[str]:
 
 
 def mistyped_names(
-    model: Model,
+    units: Units,
     points: Points,
     book: FieldBook,
     adjusted: AdjustedPoints,
@@ -111,20 +109,20 @@ def mistyped_names(
     """Warnings of names that look mistyped, and notes of what stands in no observation.
 
     Args:
-        model: how the network is computed.
+        units: of what is told.
         points: of the network.
         book: its observations, all of them.
         adjusted: the points as they were adjusted.
         left_out: what was left out of the adjustment.
     """
-    unused, small = unused_known(points, book), model.units.small_length
+    unused, small = unused_known(points, book), units.small_length
     tell = partial(_of_unused, points, adjusted=adjusted, left_out=left_out, small=small)
     explained = {row: text for row in unused[:_MOST] if (text := tell(row))}
     unused_names = {points.names[row] for row in unused}
     rest = [points.names[row] for row in unused if row not in explained]
     warnings = [
         *explained.values(),
-        *_of_left_out(model, points, book, left_out),
+        *_of_left_out(points, book, adjusted, left_out),
         *_doubles(adjusted, unused_names, small),
     ]
     return warnings, [_nothing_sees(rest)] if rest else []
@@ -164,7 +162,7 @@ def _at(points: Points, row: int, adjusted: AdjustedPoints) -> tuple[str, float]
         return None
     distances = np.linalg.norm(gaps, axis=1)
     own = float(np.nan_to_num(np.nanmax(points.sigmas[row])))
-    limits = np.minimum(GROSS * np.hypot(_precisions(adjusted), own), _FARTHEST)
+    limits = np.minimum(_GROSS * np.hypot(_precisions(adjusted), own), _FARTHEST)
     found = np.flatnonzero(free & names & (distances <= limits))
     return (adjusted.names[int(found[0])], float(distances[found[0]])) if len(found) == 1 else None
 
@@ -206,21 +204,36 @@ def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterat
 
 
 def _of_left_out(
-    model: Model, points: Points, book: FieldBook, left_out: tuple[LeftOut, ...]
+    points: Points, book: FieldBook, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...]
 ) -> Iterator[str]:
     """Points that observations to left out ones fit, where their names are alike."""
     names = [item.name for item in left_out if item.what.startswith("point ")][:_MOST]
     yield from _of_unnamed(points, book, names)
-    if not names or len(book.observations) > _LARGEST:
-        return
-    try:
-        found = estimate(model, points, book, QUICK)
-    except ObseqError:
-        return
     for name in names:
-        meant = _meant(found, name)
-        if meant is not None:
-            yield f"{name}: did you mean {meant}? The observations to {name} fit it"
+        meant = [
+            other for other in adjusted.names if are_alike(name, other) and _fits(book, adjusted, name, other)
+        ]
+        if len(meant) == 1:
+            yield f"{name}: did you mean {meant[0]}? The observations to {name} fit it"
+
+
+def _fits(book: FieldBook, adjusted: AdjustedPoints, name: str, other: str) -> bool:
+    """Whether all distances to a point, and there are some, are those to another one."""
+    rows, place = book.observations, dict(zip(adjusted.names, adjusted.coordinates, strict=True))
+    chosen = rows.active & (rows.to_points == book.point_names.index(name))
+    chosen &= among(rows.types, codes_for(Start.DISTANCE))
+    if not chosen.any():
+        return False
+    for row in np.flatnonzero(chosen).tolist():
+        origin = place.get(book.point_names[rows.from_points[row]])
+        if origin is None:
+            return False
+        sight = place[other] - origin + [0.0, 0.0, rows.to_heights[row] - rows.from_heights[row]]
+        if abs(float(np.linalg.norm(sight)) - rows.values[row]) > _GROSS * max(
+            rows.sigmas[row], _LEAST_PRECISION
+        ):
+            return False
+    return True
 
 
 def _of_unnamed(points: Points, book: FieldBook, names: list[str]) -> Iterator[str]:
@@ -235,15 +248,3 @@ def _of_unnamed(points: Points, book: FieldBook, names: list[str]) -> Iterator[s
         ]
         if alike and not counts[row]:
             yield f"{name} ({points.place(row)}) is in no observation; did these mean {' or '.join(alike)}?"
-
-
-def _meant(found: Estimate, name: str) -> str | None:
-    """The one point of nearly that name that all observations to it fit."""
-    observations, number = found.book.observations, found.book.point_names.index(name)
-    rows = np.flatnonzero(observations.active & (observations.to_points == number)).tolist()
-    if not rows:
-        return None
-    fitting = substitutes(found, rows, End.TARGET)
-    fits = [found.points.names[row] for row in fitting.points] if fitting else []
-    alike = [other for other in fits if are_alike(name, other)]
-    return alike[0] if len(alike) == 1 else None

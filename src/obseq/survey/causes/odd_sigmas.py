@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.screening.robust import GROSS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,6 +21,8 @@ _OUT_OF_LINE = 100.0
 """How many times larger or smaller than the median of its kind a sigma is that is told."""
 _LEAST, _SHARE = 4, 0.25
 """Observations of a kind that have a usual sigma, and the share of them that may be out of line."""
+_GROSS = 10.0
+"""Usual sigmas from which a misfit is large whatever its own sigma says."""
 _JUDGED = 3.29
 """Standardised residual from which an observation is judged by the test: at 0.1 %."""
 
@@ -46,7 +47,7 @@ def _told(adjustment: Adjustment, units: Units, rows: Rows) -> Iterator[str]:
     if odd.mean() > _SHARE:
         return
     for row, factor in zip(rows[odd].tolist(), factors[odd].tolist(), strict=True):
-        is_large, is_judged = abs(_misfit(adjustment, row)) > GROSS * usual, _is_judged(adjustment, row)
+        is_large, is_judged = abs(_misfit(adjustment, row)) > _GROSS * usual, _is_judged(adjustment, row)
         if factor > 1.0 and is_large and not is_judged:
             yield _sentence(adjustment, units, row, usual, f"{factor:.0f} times larger", "hides")
         elif factor < 1.0 and is_judged and not is_large:

@@ -1,0 +1,289 @@
+"""Mistakes that whole groups of values share, and that no column shows: units, senses, elevations.
+
+They are tried as what they are: the values are written anew, and the network is computed from the beginning.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+from obseq.survey.causes.cause import grouped
+from obseq.survey.causes.scopes import ALL, FILE, FROM
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.causes.cause import Scope
+    from obseq.survey.causes.notes import Notes
+    from obseq.survey.model import FieldBook, Points
+
+_TURN, _FEET = 2.0 * math.pi, 0.3048
+
+
+@dataclass(frozen=True, eq=False)
+class Rewriting:
+    """A way in which values of a group are written wrong.
+
+    Attributes:
+        code: Stable code, such as "S200".
+        slip: Code of the slip, as of single values.
+        name: In one or two words.
+        text: In words, as slips say it.
+        takes: Which observations it changes.
+        right: Values as written -> as they should be; with them, whether each is a zenith angle.
+        scopes: Where it may be.
+    """
+
+    code: str
+    slip: str
+    name: str
+    text: str
+    takes: Callable[[Notes], BoolArray]
+    right: Callable[[FloatArray, BoolArray], FloatArray]
+    scopes: tuple[Scope, ...] = (ALL, FILE, FROM)
+
+
+@dataclass(frozen=True, eq=False)
+class Rewritten:
+    """A network as it would be without such a mistake.
+
+    Attributes:
+        code, slip, what, text: As in the result.
+        rows: Observations that it concerns.
+        known: Known points that it concerns.
+        points, book: The network without it.
+    """
+
+    code: str
+    slip: str
+    what: str
+    text: str
+    rows: IntArray
+    known: IntArray
+    points: Points
+    book: FieldBook
+
+
+def _angles(notes: Notes) -> BoolArray:
+    return np.asarray(IS_ANGLE[notes.book.observations.types])
+
+
+def _scaled(factor: float) -> Callable[[FloatArray, BoolArray], FloatArray]:
+    return lambda values, _: factor * values
+
+
+REWRITINGS = (
+    Rewriting("S200", "W100", "unit of angles", "degrees read as gon", _angles, _scaled(10.0 / 9.0)),
+    Rewriting("S200", "W101", "unit of angles", "gon read as degrees", _angles, _scaled(0.9)),
+    Rewriting(
+        "S201",
+        "W103",
+        "elevations",
+        "elevations in place of zenith angles",
+        lambda notes: notes.is_zenith,
+        lambda values, _: math.pi / 2.0 - values,
+    ),
+    Rewriting(
+        "S201",
+        "W132",
+        "elevations in degrees",
+        "elevations in degrees in place of zenith angles, angles in degrees",
+        _angles,
+        lambda values, is_zenith: (
+            np.where(is_zenith, math.pi / 2.0, 0.0) + np.where(is_zenith, -1.0, 1.0) * values * 10.0 / 9.0
+        ),
+    ),
+    Rewriting(
+        "S202",
+        "W131",
+        "sense of directions",
+        "counted anticlockwise",
+        lambda notes: notes.is_direction,
+        lambda values, _: -values % _TURN,
+    ),
+    Rewriting(
+        "S201",
+        "W102",
+        "face of zenith angles",
+        "read in the other face, or with the wrong sign",
+        lambda notes: notes.is_zenith,
+        lambda values, _: -values % _TURN,
+    ),
+    Rewriting(
+        "S202", "W131", "sense of angles", "with the wrong sign", _angles, lambda values, _: -values % _TURN
+    ),
+    Rewriting(
+        "S203",
+        "W126",
+        "unit of distances",
+        "millimetres read as metres",
+        lambda notes: notes.is_length,
+        _scaled(1e-3),
+    ),
+    Rewriting(
+        "S203",
+        "W106",
+        "unit of distances",
+        "feet read as metres",
+        lambda notes: notes.is_length,
+        _scaled(_FEET),
+    ),
+    Rewriting(
+        "S203",
+        "W107",
+        "unit of distances",
+        "metres read as feet",
+        lambda notes: notes.is_length,
+        _scaled(1.0 / _FEET),
+    ),
+    Rewriting(
+        "S204",
+        "W126",
+        "unit of height differences",
+        "millimetres read as metres",
+        lambda notes: notes.is_levelled,
+        _scaled(1e-3),
+    ),
+    Rewriting(
+        "S204",
+        "W106",
+        "unit of height differences",
+        "feet read as metres",
+        lambda notes: notes.is_levelled,
+        _scaled(_FEET),
+    ),
+)
+
+
+def rewritten(
+    notes: Notes, system: PointSystem, is_off: BoolArray, whole: float, least: int
+) -> Iterator[Rewritten]:
+    """The networks without one such mistake, where most of what it concerns contradicts the others.
+
+    Args:
+        notes: The network.
+        system: Of the coordinates of points.
+        is_off: (n,) what contradicts, at a robust place.
+        whole: Share of a group of which that must be so; of all observations anything may be.
+        least: Observations of a group.
+    """
+    observations = notes.book.observations
+    is_known = ~notes.points.is_free
+    n_known = {
+        "S203": np.count_nonzero(is_known[:, :2].all(axis=1)),
+        "S204": np.count_nonzero(is_known[:, 2]),
+    }
+    for one in REWRITINGS:
+        if n_known.get(one.code, 2) < 2:  # where nothing says how large a network is, any factor fits
+            continue
+        mask = observations.active & one.takes(notes)
+        seen = set[bytes]()
+        for scope in one.scopes:
+            groups = grouped(scope, scope.labels(notes), mask, least)
+            for k, label in enumerate(groups.labels.tolist()):
+                rows = groups.rows[groups.starts[k] : groups.starts[k + 1]]
+                if rows.tobytes() in seen or (scope is not ALL and is_off[rows].mean() < whole):
+                    continue
+                seen.add(rows.tobytes())
+                values = observations.values.copy()
+                values[rows] = one.right(values[rows], notes.is_zenith[rows])
+                if any(
+                    BY_CODE[int(observations.types[r])].problem(float(values[r])) for r in rows[:1].tolist()
+                ):
+                    continue
+                book = replace(notes.book, observations=replace(observations, values=values))
+                what = f"{one.name}, {scope.words(notes, label, rows)}, {len(rows)} observations"
+                yield Rewritten(one.code, one.slip, what, one.text, rows, _NONE, notes.points, book)
+    yield from _horizontal(notes)
+    yield from _of_points(notes, system)
+
+
+_NONE = np.zeros(0, np.int64)
+
+
+def _horizontal(notes: Notes) -> Iterator[Rewritten]:
+    """Horizontal distances that were written as slope distances."""
+    observations = notes.book.observations
+    rows = np.flatnonzero(notes.is_slope & observations.active)
+    kinds = {code: BY_CODE[code].horizontal for code in set(observations.types[rows].tolist())}
+    if not rows.size or any(kind is None for kind in kinds.values()):
+        return
+    types = observations.types.copy()
+    for code, kind in kinds.items():
+        assert kind is not None
+        types[rows[observations.types[rows] == code]] = kind.code
+    book = replace(notes.book, observations=replace(observations, types=types))
+    what = f"kind of distances, all, {len(rows)} observations"
+    text = "horizontal distances in place of slope distances"
+    yield Rewritten("S205", "W108", what, text, rows, _NONE, notes.points, book)
+
+
+def _of_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
+    """Coordinates of all points: easting and northing exchanged, heights in feet."""
+    points = notes.points
+    known = np.flatnonzero((~points.is_free).any(axis=1) & points.has_coordinates)
+    placed = np.flatnonzero(points.has_coordinates)
+    if not known.size:
+        return
+    names = [points.names[row] for row in placed.tolist()]
+    given = system.coordinates(points.coordinates[placed], names)
+
+    def with_coordinates(changed: FloatArray) -> Points:
+        coordinates = points.coordinates.copy()
+        coordinates[placed] = system.placed(changed, names)
+        return replace(points, coordinates=coordinates)
+
+    yield from _of_single_points(points, notes, system, known)
+    what = f"coordinates of all {len(known)} known points"
+    text = "easting and northing are exchanged"
+    yield Rewritten(
+        "S210", "W123", what, text, _NONE, known, with_coordinates(given[:, [1, 0, 2]]), notes.book
+    )
+    for factor, slip, text in (
+        (_FEET, "W106", "feet read as metres"),
+        (1.0 / _FEET, "W107", "metres read as feet"),
+    ):
+        heights = with_coordinates(given * [1.0, 1.0, factor])
+        what = f"heights of all {len(known)} known points"
+        yield Rewritten("S211", slip, what, text, _NONE, known, heights, notes.book)
+
+
+_MOST_KNOWN = 8
+"""Known points up to which each pair of them may be exchanged."""
+
+
+def _of_single_points(
+    points: Points, notes: Notes, system: PointSystem, known: IntArray
+) -> Iterator[Rewritten]:
+    """One known point: easting and northing exchanged, or unknown; two with each other's coordinates."""
+    book = notes.book
+    for row in known.tolist():
+        name = points.names[row]
+        what = f"known point {name} ({points.place(row)})"
+        own, coordinates = system.coordinates(points.coordinates[[row]], [name]), points.coordinates.copy()
+        coordinates[row] = system.placed(own[:, [1, 0, 2]], [name])[0]
+        changed = replace(points, coordinates=coordinates)
+        text, only = "easting and northing are exchanged", np.array([row])
+        yield Rewritten("S111", "W123", what, text, _NONE, only, changed, book)
+        if len(known) > 2:
+            unknown, sigmas = points.coordinates.copy(), points.sigmas.copy()
+            unknown[row], sigmas[row] = np.nan, np.nan
+            freed = replace(points, coordinates=unknown, sigmas=sigmas)
+            yield Rewritten("S112", "", what, "nothing fits its coordinates", _NONE, only, freed, book)
+    for k, row in enumerate(known.tolist() if len(known) <= _MOST_KNOWN else ()):
+        for other in known[k + 1 :].tolist():
+            coordinates = points.coordinates.copy()
+            coordinates[[row, other]] = coordinates[[other, row]]
+            names = f"{points.names[row]} and {points.names[other]}"
+            both, changed = np.array([row, other]), replace(points, coordinates=coordinates)
+            what = f"known points {names} ({points.place(row)})"
+            text = "the names of these two points are exchanged"
+            yield Rewritten("S113", "W133", what, text, _NONE, both, changed, book)

@@ -1,0 +1,92 @@
+"""The diagnosis of a network: what is wrong, where, and by which slip."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msgspec import structs
+
+from obseq.dataclass import dataclass
+from obseq.diagnosis.engine import diagnose
+from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.verdict import Status
+from obseq.records.diagnosis import DiagnosisRecord
+from obseq.survey.diagnosing.rewritings import best_rewriting
+from obseq.survey.diagnosing.words import accused, rewriting_record
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from obseq.diagnosis.verdict import Verdict
+    from obseq.report.units import Units
+    from obseq.survey.causes.catalogue import Named
+    from obseq.survey.diagnosing.network_model import NetworkModel
+    from obseq.survey.initial.left_out import Determined
+    from obseq.survey.model import FieldBook, Points
+
+_FEW = 3
+"""Errors that are told one by one before it is asked whether many values share a mistake."""
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What was found.
+
+    Attributes:
+        verdict: What the engine says.
+        model: The network that it was asked about.
+        units: In which sizes are told.
+    """
+
+    verdict: Verdict
+    model: NetworkModel
+    units: Units
+
+    def record(self) -> DiagnosisRecord:
+        """What the result holds of it."""
+        verdict = self.verdict
+        catalogue = self.model.catalogue if verdict.accused else None
+        told = (accused(one, catalogue, self.units) for one in verdict.accused if catalogue is not None)
+        return DiagnosisRecord(
+            verdict.status.value, float(verdict.left), int(verdict.redundancy), tuple(told), verdict.reason
+        )
+
+    def named(self) -> list[Named]:
+        """What is accused."""
+        return [self.model.catalogue.named(one.change.index) for one in self.verdict.accused]
+
+
+def record_of(
+    model: NetworkModel,
+    units: Units,
+    begin: Callable[[Points, FieldBook], Determined],
+    of: Callable[[Determined], NetworkModel],
+) -> DiagnosisRecord:
+    """What is wrong with a network: single errors, groups, and what is only seen when values are rewritten.
+
+    Args:
+        model: The network.
+        units: In which sizes are told.
+        begin: Points and observations -> what can be computed of them, at initial values.
+        of: Such a network -> its model.
+    """
+    found = diagnosis_of(model, units)
+    own = found.record()
+    if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and len(found.verdict.accused) <= _FEW:
+        return own
+    is_many = len(found.verdict.accused) > _FEW
+    trial = best_rewriting(model, begin, of, is_many=is_many)
+    if trial is None:
+        return own
+    rest = diagnosis_of(of(trial.start), units).record()
+    is_better = rest.status in ("accepted", "explained") or rest.left < POLICY.whole * own.left
+    if not is_better or len(rest.accused) >= max(len(own.accused), 1):
+        return own
+    status = "explained" if rest.status == "accepted" else rest.status
+    one = rewriting_record(trial.rewriting, model.notes)
+    return structs.replace(rest, status=status, accused=(one, *rest.accused))
+
+
+def diagnosis_of(model: NetworkModel, units: Units) -> Diagnosis:
+    """The diagnosis of a network."""
+    return Diagnosis(diagnose(model), model, units)

@@ -1,1 +1,0 @@
-"""Gross errors: every observation is compared with the others before the adjustment; causes are named."""
