@@ -22,7 +22,7 @@ from obseq.arguments import (
     instance,
 )
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, noting
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
@@ -174,6 +174,8 @@ class Network:
         points_crs=TEXT | NOTHING,
         stochastic=PATH | NOTHING,
         faces=TEXT,
+        point_files=PATHS,
+        point_sigma=NUMBER | NOTHING,
     )
     def read_project(
         cls,
@@ -189,6 +191,8 @@ class Network:
         sigmas: Collection[str] = (),
         stochastic: str | Path | None = None,
         faces: str = MEAN,
+        point_files: str | Path | Sequence[str | Path] = (),
+        point_sigma: float | None = None,
     ) -> Network:
         """Reads what files of another program describe, such as a Comp3D project (`.comp`).
 
@@ -207,12 +211,20 @@ class Network:
             stochastic: File that says what observations of each instrument are worth, centring included (see
                 `obseq.formats.read_stochastic`): in place of the sigmas of the files, where they have some.
             faces: "mean" or "all", as for `read`.
+            point_files: More points, as for `read`: those of which the files themselves say nothing.
+            point_sigma: Sigma (m) of known ones among these whose line gives none.
 
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
         return files.read_project_network(
-            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas, stochastic, faces
+            paths,
+            (point_files, point_sigma),
+            (frame, points_crs),
+            (encoding, outside, ignore),
+            (sigmas, stochastic, faces),
+            refraction,
+            geoid,
         )
 
     @expecting(geoid=PATH)
@@ -371,7 +383,8 @@ class Network:
             quality,
             strategy=strategy,
         )
-        adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
+        with noting(self.book.warnings):
+            adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
 
     def gross_errors(self) -> tuple[AccusedRecord, ...]:

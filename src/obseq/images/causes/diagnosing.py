@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
@@ -33,7 +32,6 @@ MOST_TESTED = 2500
 """Image points of a block in which single errors are looked for; of larger ones the worst test is told."""
 MANY = 3
 """Errors from which one mistake that all observations share is likelier."""
-LOGGER = logging.getLogger(__name__)
 MIRRORED = (
     "the block fits as a mirror image only (points behind the cameras, or a distortion that changes sides): "
     "axes of image points or control points are not those of here"

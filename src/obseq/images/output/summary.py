@@ -77,9 +77,10 @@ def _told(diagnosis: DiagnosisRecord) -> str:
     if not lines:
         return diagnosis.reason
     sigma0 = diagnosis.sigma0
-    if diagnosis.status == "explained" and sigma0 is not None:
+    is_single = all(one.test for one in diagnosis.accused)  # of what all share, the text says it
+    if diagnosis.status == "explained" and sigma0 is not None and is_single:
         lines[-1] += f". Without {'it' if len(lines) == 1 else 'them'}, sigma0 is {sigma0:.3g}"
-    elif diagnosis.status == "unexplained":
+    elif diagnosis.status == "unexplained" and is_single:
         lines.append("this does not explain all: more is wrong, or the sigmas are too small")
     return "\n".join(lines)
 
