@@ -23,6 +23,7 @@ from obseq.arguments import (
 )
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.records.diagnosis import DiagnosisRecord
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
@@ -34,6 +35,7 @@ from obseq.survey.adjustment.quality import Quality
 from obseq.survey.checks.both_faces import MEAN, reduced_faces
 from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
+from obseq.survey.diagnosing.without_accused import without_accused
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.own_frame import placed_in_own_frame
@@ -373,6 +375,21 @@ class Network:
         )
         adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
+
+    @expecting(diagnosis=instance(DiagnosisRecord) | NOTHING)
+    def without_accused(self, diagnosis: DiagnosisRecord | None) -> Network:
+        """The network without what is accused, for a second adjustment: it says what was left out.
+
+        Observations of an error, or of a group that shares one, take no part; known coordinates are unknown.
+
+        Args:
+            diagnosis: Of an adjustment of this network (`Adjustment.diagnosis`).
+
+        Raises:
+            InputError: Nothing is accused, or it does not explain what is wrong.
+        """
+        points, book = without_accused(self.points, self.book, diagnosis)
+        return replace(self, points=points, book=book)
 
     def gross_errors(self) -> tuple[AccusedRecord, ...]:
         """What is wrong with it: where, by how much, and by which slip; the clearest first."""
