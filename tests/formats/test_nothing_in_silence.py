@@ -154,3 +154,26 @@ def test_an_error_tells_each_note_once():
         notes.append("two")
         raise ObseqError("wrong")
     assert caught.value.__notes__ == ["one", "two"]
+
+
+def test_warnings_of_a_network_survive_its_error(tmp_path):
+    """A data line that is switched off is told, though the network that is left has no known point."""
+    from obseq.survey import Network
+
+    (tmp_path / "a.dat").write_text(
+        ".UNITS METERS\n.2D\nC A 0 0\nC B 100 0\n.DATA OFF\nC D 5 5 ! !\n.DATA ON\nD A-B 100 0.001\n"
+    )
+    network = Network.read_project(tmp_path / "a.dat")
+    with pytest.raises(ObseqError, match="nothing remains to be adjusted") as caught:
+        network.adjust()
+    assert any("1 lines are switched off by .DATA OFF" in note for note in caught.value.__notes__)
+
+
+def test_warnings_of_a_network_are_printed_before_its_error(tmp_path, capsys):
+    from obseq.cli.guard import guarded
+    from obseq.cli.main import main
+
+    (tmp_path / "a.dat").write_text(".2D\nC A 0 0\nC B 100 0\nD A-B 100 0.001\n")
+    assert guarded("obseq", lambda: main(["adjust", str(tmp_path / "a.dat")])) == 2
+    said = capsys.readouterr().err
+    assert "note: " in said and "no .UNITS: metres and degrees are taken" in said

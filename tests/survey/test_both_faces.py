@@ -54,7 +54,7 @@ def test_means_and_errors_of_the_instrument(tmp_path):
     assert rows.sigmas[0] == pytest.approx(0.0008 * gon / np.sqrt(2), rel=1e-12)
     assert rows.sigmas[1] == pytest.approx(0.0012 * gon / np.sqrt(2), rel=1e-12)
     told = " ".join(network.book.warnings)
-    assert "collimation error from 3 pairs: +3.5 cc, sigma 0.0 cc" in told
+    assert "collimation error from 3 pairs: -3.5 cc, sigma 0.0 cc" in told
     assert "index error from 3 pairs: +0.0 cc" in told or "index error from 3 pairs: -0.0 cc" in told
 
 

@@ -12,11 +12,16 @@ from obseq.formats.conversion import write_gama
 from obseq.survey import Network
 
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
-SAMPLES = {"n.gkf": "gama/gama.gkf", "n.dat": "starnet/starnet.dat", "n.xml": "landxml/landxml.xml"}
+SAMPLES = {
+    "n.gkf": "gama/gama.gkf",
+    "n.dat": "starnet/starnet.dat",
+    "n.xml": "landxml/landxml.xml",
+    "n.gsi": "gsi/gsi.gsi",
+}
 """Networks that the bench has as well, by the name that the mutated file gets."""
 
 TEXTS = {name: (TOOLS / "samples" / path).read_text(encoding="utf-8") for name, path in SAMPLES.items()}
-ADJUSTED = {"n.gkf": 0.3, "n.dat": 0.04, "n.xml": 0.3}
+ADJUSTED = {"n.gkf": 0.3, "n.dat": 0.04, "n.xml": 0.3, "n.gsi": 0.04}
 """Shares of the files that are adjusted: most mutations of XML are refused."""
 SIGMAS = ["distance=3mm", "direction=5sec", "zenith=5sec", "azimuth=5sec", "height=2mm", "height-per-km=1mm"]
 

@@ -14,6 +14,7 @@ from obseq.cli.gencode import generate as gencode
 from obseq.cli.guard import guarded
 from obseq.cli.mmvii import in_our_words
 from obseq.cli.parsing import CommandParser, Parser
+from obseq.version import __version__
 
 COMMANDS = {
     "demo": ("demo",),
@@ -69,6 +70,7 @@ def parser(name: str = "") -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    top.add_argument("--version", action="version", version=f"obseq {__version__}", help="show the version")
     commands = top.add_subparsers(
         title="commands", metavar="COMMAND", required=True, parser_class=CommandParser
     )
@@ -87,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             words = in_our_words(given[1:])
             if not words:
                 return 0
-        if words[:1] == ["gencode"]:
+        if words is not given and words[0] == "gencode":
             return gencode(words[1:])
         chosen = parser(*words[:1]).parse_args(words)
         code: int = chosen.run(chosen)

@@ -9,12 +9,12 @@ from obseq.cli.own_formulas import use_formulas
 from obseq.cli.parsing import finite_number, positive_number
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.formats.catalogue import Role, format_of, listing
 from obseq.writing import check_writable
 
 if TYPE_CHECKING:
     from obseq.survey import Network
 
-TABLE = ".csv"
 Options: TypeAlias = dict[str, Any]
 """Arguments of a reader, by name."""
 
@@ -69,8 +69,7 @@ def _add_files(command: argparse.ArgumentParser) -> None:
         nargs="*",
         type=Path,
         metavar="PROJECT",
-        help="files of another program: Comp3D (.comp), GNU Gama (.gkf), DynAdjust (.stn .msr .xml), "
-        "STAR*NET (.dat), LandXML (.xml), SINEX (.snx); or tables of points and observations (.csv)",
+        help=f"files of a network, of any of these formats: {listing()}",
     )
     files.add_argument("--obs", nargs="+", type=Path, metavar="FILE", help="observation files (OBS)")
     files.add_argument(
@@ -193,21 +192,31 @@ def source_of(arguments: argparse.Namespace) -> Source:
             **_point_format(arguments),
         }
     )
-    cor = list(arguments.cor or ())
-    if arguments.project and arguments.obs and all(p.suffix.lower() == TABLE for p in arguments.project):
-        cor += arguments.project  # tables of points with OBS files
-    elif arguments.project:
-        return Source([], [], _project_options(arguments, reading), arguments.project)
-    if not arguments.obs or not cor:
+    obs, cor, project = _by_role(arguments)
+    if project:
+        return Source([], [], _project_options(arguments, reading, obs, cor), project)
+    if not obs or not cor:
         raise InputError(
             "give a project (before options that take several values), or observation files (--obs) and "
-            "point files (--cor)"
+            "point files (--cor): options only where the names of files do not say which is which"
         )
     if arguments.geoid is not None:
         reading["geoid"] = arguments.geoid
     if "sigmas" in reading:
         raise InputError("--sigmas goes with a project: the lines of OBS files have their own")
-    return Source(arguments.obs, cor, reading)
+    return Source(obs, cor, reading)
+
+
+def _by_role(arguments: argparse.Namespace) -> tuple[list[Path], list[Path], list[Path]]:
+    """Files of observations, of points, and of networks: as the options say, or the files themselves."""
+    obs, cor = list(arguments.obs or ()), list(arguments.cor or ())
+    roles = {path: format_of(path).role for path in arguments.project}
+    obs += [path for path, role in roles.items() if role is Role.OBSERVATIONS]
+    cor += [path for path, role in roles.items() if role is Role.POINTS]
+    project = [path for path, role in roles.items() if role in (Role.NETWORK, Role.TABLE)]
+    if obs and all(roles[path] is Role.TABLE for path in project):
+        return obs, cor + project, []  # tables of points with OBS files
+    return obs, cor, project
 
 
 def given(options: Options) -> Options:
@@ -215,16 +224,21 @@ def given(options: Options) -> Options:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _project_options(arguments: argparse.Namespace, reading: Options) -> Options:
+def _project_options(
+    arguments: argparse.Namespace, reading: Options, obs: Sequence[Path], cor: Sequence[Path]
+) -> Options:
     """What may be said about a project besides its name."""
     accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas", "stochastic", "faces"}
-    surplus = sorted(set(reading) - accepted) + [name for name in ("obs", "cor") if getattr(arguments, name)]
+    if cor:
+        accepted.add("point_sigma")
+    surplus = sorted(set(reading) - accepted) + ["obs"] * bool(obs)
     if surplus:
         listed = ", ".join("--" + name.replace("_", "-") for name in surplus)
         raise InputError(
             f"{arguments.project[0]}: a project says itself what {listed} would say; leave it out"
         )
-    return reading | given({"outside": arguments.outside, "geoid": arguments.geoid})
+    more = {"outside": arguments.outside, "geoid": arguments.geoid, "point_files": list(cor) or None}
+    return reading | given(more)
 
 
 def _point_format(arguments: argparse.Namespace) -> Options:

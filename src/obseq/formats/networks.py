@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq import crs
+from obseq.errors import noting
 from obseq.formats.default_sigmas import parse_sigmas
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.obs.exchanged import told_if_exchanged
@@ -62,33 +63,47 @@ def read_network(
             if point_sigma is not None:
                 options = replace(options, sigma=point_sigma)
             points = _read_free_format(point_files, point_format, options)
-    return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
+    with noting(book.warnings):
+        return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
 
 
 def read_project_network(
     paths: Files,
-    frame: str | None,
+    more_points: tuple[Files, float | None],
+    systems: tuple[str | None, str | None],
+    reading: tuple[str, bool, Collection[str]],
+    worth: tuple[Collection[str], str | Path | None, str],
     refraction: float | None,
-    encoding: str,
-    points_crs: str | None,
-    outside: bool,
     geoid: str | Path | None,
-    ignore: Collection[str],
-    sigmas: Collection[str],
-    stochastic: str | Path | None,
-    faces: str,
 ) -> Network:
-    """The network that files of another program describe; see `Network.read_project`."""
+    """The network that files of another program describe; see `Network.read_project`.
+
+    Args:
+        paths: The files.
+        more_points: Files of points beside them, and the sigma of those that have none.
+        systems: Definitions of the frame and of the system of the points.
+        reading: Encoding; whether files outside are read; what is ignored.
+        worth: Standard deviations; the file of the stochastic model; what becomes of both faces.
+        refraction: Coefficient of zenith angles.
+        geoid: Geoid heights and deflections.
+    """
+    (encoding, outside, ignore), (sigmas, stochastic, faces) = reading, worth
     watch = Stopwatch()
     with watch.phase("read"):
         place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
         model = NOTHING if stochastic is None else read_stochastic(stochastic)
-        worth = {**model.default, **parse_sigmas(sigmas)}
-        project = read_project(paths, Reading(encoding, outside, place, left_out, worth, model.instruments))
+        given = {**model.default, **parse_sigmas(sigmas)}
+        files, sigma = more_points
+        has_more = isinstance(files, str | Path) or bool(files)
+        how = Reading(encoding, outside, place, left_out, given, model.instruments, has_more)
+        project = read_project(paths, how)
+        own = project.systems(*systems)
+        points = project.points_in(own[1] or own[0])
+        if has_more:
+            points = completed(points, read_point_lists(files, sigma, encoding, ignore, own[1] or own[0]))
     coefficient = project.refraction if refraction is None else refraction
-    systems = project.systems(frame, points_crs)
-    points = project.points_in(systems[1] or systems[0])
-    network = Network.assembled(points, project.book, *systems, coefficient, watch, faces)
+    with noting(project.book.warnings):
+        network = Network.assembled(points, project.book, *own, coefficient, watch, faces)
     datum = network.datum if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
     network = replace(
         network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
@@ -107,6 +122,21 @@ def read_project_network(
     if "deflections" in left_out:
         return replace(network, book=network.book.warned(f"{place}: left out, as asked for (--ignore)"))
     return network.with_deflections(place)
+
+
+def completed(points: Points, more: Points) -> Points:
+    """Points with those of other files, which count where the first ones have first values at most.
+
+    Raises:
+        InputError: A point is known to the first ones too.
+    """
+    is_flat = (points.coordinates[:, 2] == 0.0) & (points.sigmas[:, 2] == 0.0)  # held, of a plane
+    unknown = np.isnan(points.sigmas)
+    unknown[:, 2] |= is_flat
+    names = set(more.names)
+    given = np.array([name in names for name in points.names], np.bool_)
+    kept = np.flatnonzero(~(given & unknown.all(axis=1)))
+    return merge_points([points.subset(kept), more])
 
 
 def with_axes_told(network: Network) -> Network:

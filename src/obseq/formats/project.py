@@ -112,6 +112,7 @@ class Reading:
         ignore: What is to be left out or passed over, by name (`obseq.formats.obs.after_sigma.IGNORABLE`).
         sigmas: Standard deviations of observations whose file has none, by name (`default_sigmas.NAMES`).
         instruments: The same of named instruments.
+        has_points: Whether other files give points, so that these need not.
     """
 
     encoding: str = "utf-8"
@@ -120,6 +121,7 @@ class Reading:
     ignore: frozenset[str] = frozenset()
     sigmas: Mapping[str, float] = field(default_factory=dict)
     instruments: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    has_points: bool = False
 
 
 Reader = Callable[[tuple[Path, ...], Reading], Project]

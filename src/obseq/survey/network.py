@@ -22,14 +22,14 @@ from obseq.arguments import (
     instance,
 )
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, noting
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.adjustment.drawing import network_html, network_text
-from obseq.survey.adjustment.frame import Frame, frame_of
+from obseq.survey.adjustment.frame import Frame, area_warning, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.checks.both_faces import MEAN, reduced_faces
@@ -55,16 +55,6 @@ if TYPE_CHECKING:
 MAX_ITERATIONS = 25
 QUALITY = Quality()
 GIVEN = Datum()
-
-
-def _area_warning(system: crs.CoordinateSystem, points: Points) -> str | None:
-    """What to say of known points outside the area of their system; of all points where none is known.
-
-    Approximate coordinates may be placeholders, such as 0 0 0.
-    """
-    known = points.has_coordinates & ~points.is_free.all(axis=1)
-    rows = np.flatnonzero(known if known.any() else points.has_coordinates)
-    return crs.area_warning(system, points.coordinates[rows], [points.names[row] for row in rows.tolist()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +166,8 @@ class Network:
         points_crs=TEXT | NOTHING,
         stochastic=PATH | NOTHING,
         faces=TEXT,
+        point_files=PATHS,
+        point_sigma=NUMBER | NOTHING,
     )
     def read_project(
         cls,
@@ -191,6 +183,8 @@ class Network:
         sigmas: Collection[str] = (),
         stochastic: str | Path | None = None,
         faces: str = MEAN,
+        point_files: str | Path | Sequence[str | Path] = (),
+        point_sigma: float | None = None,
     ) -> Network:
         """Reads what files of another program describe, such as a Comp3D project (`.comp`).
 
@@ -209,12 +203,20 @@ class Network:
             stochastic: File that says what observations of each instrument are worth, centring included (see
                 `obseq.formats.read_stochastic`): in place of the sigmas of the files, where they have some.
             faces: "mean" or "all", as for `read`.
+            point_files: More points, as for `read`: those of which the files themselves say nothing.
+            point_sigma: Sigma (m) of known ones among these whose line gives none.
 
         Raises:
             InputError: Something in the files cannot be read; the message says where and what to do.
         """
         return files.read_project_network(
-            paths, frame, refraction, encoding, points_crs, outside, geoid, ignore, sigmas, stochastic, faces
+            paths,
+            (point_files, point_sigma),
+            (frame, points_crs),
+            (encoding, outside, ignore),
+            (sigmas, stochastic, faces),
+            refraction,
+            geoid,
         )
 
     @expecting(geoid=PATH)
@@ -275,7 +277,7 @@ class Network:
             coordinates = system.parts(points.coordinates)
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
-            warning = _area_warning(given, points)
+            warning = area_warning(given, points)
         book = reduced_faces(book, faces)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))
@@ -373,7 +375,8 @@ class Network:
             quality,
             strategy=strategy,
         )
-        adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
+        with noting(self.book.warnings):
+            adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
 
     @expecting(diagnosis=instance(DiagnosisRecord) | NOTHING)

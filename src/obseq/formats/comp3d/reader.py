@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -16,13 +15,14 @@ from obseq.formats.comp3d.observations import read_observations
 from obseq.formats.includes import Folder
 from obseq.formats.levelled_points import levelled_points
 from obseq.formats.obs.cor import PointColumns
-from obseq.formats.project import Project, Reading
+from obseq.formats.project import Project, Reading, only_one
 from obseq.reading.json_text import parsed_json
 from obseq.records.shown_units import ShownUnits
 from obseq.survey.model import CoordinateCovariance, merge_points
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from obseq.arrays import FloatArray
     from obseq.survey.model import Points
@@ -61,18 +61,19 @@ SILENT = frozenset(
 """Keys that change nothing here, or nothing when they are missing."""
 
 
-def read_comp3d(path: str | Path, reading: Reading) -> Project:
+def read_comp3d(paths: tuple[Path, ...], reading: Reading) -> Project:
     """Reads a Comp3D project; nothing is written.
 
     Args:
-        path: The `.comp` file.
+        paths: The `.comp` file.
         reading: How to read it.
 
     Raises:
         InputError: Naming file and line, what is wrong and what to do.
     """
-    config, told = _settings(Path(path))
-    folder = Folder(Path(path).parent, reading.encoding, reading.outside)
+    path = only_one(paths)
+    config, told = _settings(path)
+    folder = Folder(path.parent, reading.encoding, reading.outside)
     points, ignored, chosen = _points(folder, config)
     unit = UNITS[config["files_unit"]]
     book = read_observations(folder, config["root_OBS_file"], unit, ignored, has_place=config["use_proj"])

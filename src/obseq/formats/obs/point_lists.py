@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.formats.catalogue import FORMATS
 from obseq.formats.obs.cor import read_cor
 from obseq.formats.once import require_distinct
 from obseq.formats.project import in_own_units
-from obseq.survey.model import merge_points
+from obseq.survey.model import Points, merge_points
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from obseq.survey.model import Points
-
-TABLE = ".csv"
+PointReader = Callable[[Path, str], tuple[Points, list[float]]]
+"""Of a path and an encoding: points in metres, and the unit of each (m; NaN for that of its system)."""
 
 
 def read_point_lists(
@@ -40,15 +42,25 @@ def read_point_lists(
         InputError: Naming file and line, what is wrong and what to do; also for a point given twice.
     """
     paths = [files] if isinstance(files, str | Path) else list(files)
-    tables = [path for path in paths if Path(path).suffix.lower() == TABLE]
-    if not tables:
+    readers = {path: _reader(Path(path)) for path in paths}
+    if not any(readers.values()):
         return read_cor(paths, default_sigma, encoding, ignore)
-    from obseq.formats.tables.reader import read_point_table
-
     require_distinct(paths)
-    others = [path for path in paths if path not in tables]
+    others = [path for path in paths if readers[path] is None]
     found = [read_cor(others, default_sigma, encoding, ignore)] if others else []
-    for path in tables:
-        points, units = read_point_table(path, encoding)
-        found.append(in_own_units(points, np.array(units), definition))
+    for path, reader in readers.items():
+        if reader is not None:
+            points, units = reader(Path(path), encoding)
+            found.append(in_own_units(points, np.array(units), definition))
     return merge_points(found)
+
+
+def _reader(path: Path) -> PointReader | None:
+    """What reads a file of points that is no COR file; None for these, whatever they are called."""
+    suffix = path.suffix.lower()
+    for known in FORMATS:
+        if suffix in known.suffixes and known.point_reader:
+            module, _, name = known.point_reader.partition(":")
+            found: PointReader = getattr(import_module(f"obseq.formats.{module}"), name)
+            return found
+    return None

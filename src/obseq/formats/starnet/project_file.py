@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.formats.starnet.values import FEET, GON, SECOND, Options
 from obseq.formats.stochastic import Sigmas, StochasticModel
-from obseq.reading.text import read_bytes, read_text
+from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from obseq.reading.text import TextFile
 
-SIGN = "*STAR*NET"
-"""How the first line begins."""
 LIBRARY, FILES = "instrumentlibrary", "datafilelist"
 KILOMETRE = 1000.0
 UNITS = {"meters": 1.0, **FEET}
@@ -53,11 +51,6 @@ class ProjectFile:
     model: StochasticModel
     points_crs: str | None
     grid: str
-
-
-def is_project(path: Path) -> bool:
-    """Whether a file is such a project."""
-    return read_bytes(path).lstrip(b"\xef\xbb\xbf\r\n ").startswith(SIGN.encode())
 
 
 def read_project_file(path: Path, encoding: str) -> ProjectFile:

@@ -22,7 +22,7 @@ from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATI
 from obseq.survey.kinds.lengths import DIST_HZ
 from obseq.survey.kinds.registry import KINDS, kind_of_formula
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
-from obseq.survey.model import Orientation, Points, merge_points
+from obseq.survey.model import Orientation, Points, make_points, merge_points
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,8 +70,9 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
             points.append(_points(table, units))
         named |= table.units
     clusters.give(columns)
-    if not points or not len(columns):
+    if not len(columns) or not (points or reading.has_points):
         raise InputError(_only_of(paths, "observations" if points else "points"))
+    points.append(make_points([], np.zeros((0, 3))))
     shown = shown_in(frozenset(named))
     book = columns.field_book()
     given = with_heights(hold_plans(merge_points(points), book), book)

@@ -4,7 +4,7 @@ A zenith angle beyond half a turn is one of the second face: a full turn less it
 direction on its line is half a turn from that of the first face. Where lines hold single angles, two or more
 targets of one point whose directions come half a turn apart are sights in both faces; one may be a slip.
 
-Half of what two faces differ by is the collimation error over the sine of the zenith angle, and the index
+Half of first minus second face is the collimation error over the sine of the zenith angle, and the index
 error of the vertical circle. Means are free of both, so means are adjusted.
 """
 
@@ -178,7 +178,7 @@ def _compared(book: FieldBook, pairs: _Pairs, chosen: list[int], name: str, inst
     spread = math.sqrt(float(np.sum(weights * (halves - mean) ** 2)) / (len(chosen) - 1))
     of = f" of {instrument}" if instrument else ""
     precision = spread / math.sqrt(float(np.sum(weights)))
-    text = f"{name}{of} from {len(chosen)} pairs: {mean / CC:+.1f} cc, sigma {precision / CC:.1f} cc"
+    text = f"{name}{of} from {len(chosen)} pairs: {-mean / CC:+.1f} cc, sigma {precision / CC:.1f} cc"
     odd = np.flatnonzero(np.abs(halves - mean) > LIMIT * np.sqrt(sigmas**2 - 1.0 / np.sum(weights)))
     if odd.size:
         worst = sorted(odd.tolist(), key=lambda k: -abs(float(halves[k] - mean) / sigmas[k]))

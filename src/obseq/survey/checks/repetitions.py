@@ -42,7 +42,25 @@ def repetitions(book: FieldBook) -> tuple[str, ...]:
     runs = [run for run in _runs(back) if chances[run[0]].sum() < math.log(LEAST_CHANCE)]
     for again, _ in runs:
         back[again] = 0
+    _keep_whole_sights(book, rows, back)
     return (*_of_runs(book, rows, runs), *_of_single_ones(book, rows, back, np.exp(chances)))
+
+
+def _keep_whole_sights(book: FieldBook, rows: IntArray, back: IntArray) -> None:
+    """Leaves of single repetitions those that say something.
+
+    Instruments repeat a distance to its last digit, and circles are set to zero: where a sight has angles, it
+    is repeated when an angle of it is, which nobody has set, as far back as the distance. A line that is
+    doubled at once is told.
+    """
+    found, again = book.observations, back > 0
+    is_angle = IS_ANGLE[found.types[rows]]
+    again &= ~(is_angle & (found.values[rows] == 0.0))
+    ends = found.from_points[rows].astype(np.int64) << 32 | found.to_points[rows]
+    angles = set(zip(ends[is_angle & again].tolist(), back[is_angle & again].tolist(), strict=True))
+    alone = [pair not in angles for pair in zip(ends.tolist(), back.tolist(), strict=True)]
+    silent = np.isin(ends, ends[is_angle]) & np.array(alone, np.bool_) & (back > 1)
+    back[~again | silent] = 0
 
 
 def _of_runs(book: FieldBook, rows: IntArray, runs: list[tuple[IntArray, IntArray]]) -> Iterator[str]:

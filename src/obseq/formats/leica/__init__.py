@@ -1,0 +1,1 @@
+"""Field books of Leica: GSI-8 and GSI-16."""
