@@ -99,7 +99,7 @@ LOOPS = {
 
 KERNELS = ("value", "value_and_jacobian")
 FROM_C = frozenset({"atan2", "memcpy", "memmove", "memset", "sincos"})
-"""What objects may need from any C library: nothing that allocates, raises or calls Python."""
+"""What objects may need from the C library of Linux: nothing that allocates, raises or calls Python."""
 
 
 def loops(modules: Iterable[str] = tuple(LOOPS)) -> Iterator[Loop]:
