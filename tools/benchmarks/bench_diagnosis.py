@@ -45,7 +45,7 @@ from command import command_line, write_json
 from diagnosis_records import of_block, of_refusal, of_survey
 from diagnosis_verdicts import RIGHT, Found, has_cause, verdict_of
 
-from obseq.errors import ObseqError
+from obseq.errors import ObseqError, SingularSystemError
 from obseq.formats.blocks.tables import BlockFiles
 from obseq.images import BundleAdjustment
 from obseq.images.causes.diagnosing import diagnosed
@@ -220,7 +220,10 @@ def _try(name: str, seed: int, folder: Path, found: Rates) -> None:
     own = CLASSES[name]
     random = np.random.default_rng([seed, zlib.crc32(name.encode())])
     given = own.made(random)
-    clean, before = _timed(own, folder, given)
+    try:
+        clean, before = _timed(own, folder, given)
+    except SingularSystemError:  # what was drawn is no network: some others are as many
+        return
     planted = own.planted(given, random, clean[1])
     if planted is None:
         return
