@@ -70,6 +70,8 @@ ABOUT_EACH = (
 FAMILIES = {
     "A kind of survey observation": ("space", "topography", "special_topography", "beside"),
     "An output format": ("space", "topography"),
+    "A format of points": ("space", "topography"),
+    "A cause of errors": ("space", "topography", "special_topography", "beside"),
 }
 """Those that the tests of a section need, where the first one is not enough."""
 
@@ -86,6 +88,8 @@ EACH = {
     "A kind of unknown": [],
     "An output format": [],
     "A robust loss": [],
+    "A format of points": [],
+    "A cause of errors": ["tests/survey/test_planted_slips.py"],
 }
 
 

@@ -83,12 +83,23 @@ LOOPS = {
         "gather_vertices",
         "visit_children_first",
     ),
+    "obseq.targets.detection": (
+        "crossings",
+        "discs",
+        "halved",
+        "saddle_strength",
+        "saddles",
+        "smooth",
+    ),
+    "obseq.targets.light_spots": ("above_mean", "spots", "stand_out"),
+    "obseq.targets.painting": ("bit_sums", "paint", "paint_places", "smooth_table"),
+    "obseq.targets.rendering": ("observe", "render", "spread"),
 }
 """Every loop that Python calls; the others are parts of them."""
 
 KERNELS = ("value", "value_and_jacobian")
-FROM_C = frozenset({"memcpy", "memmove", "memset"})
-"""What objects may need from outside: nothing that allocates, raises or calls Python."""
+FROM_C = frozenset({"atan2", "memcpy", "memmove", "memset", "sincos"})
+"""What objects may need from the C library of Linux: nothing that allocates, raises or calls Python."""
 
 
 def loops(modules: Iterable[str] = tuple(LOOPS)) -> Iterator[Loop]:
@@ -167,7 +178,8 @@ def link(folder: Path, library: Path) -> Path:
     """
     listed = folder / "inputs"
     listed.write_text("\n".join(str(path) for path in sorted(folder.glob("*.o"))), encoding="utf-8")
-    command = [os.environ.get("CC", "cc"), "-shared", "-s", "-nostartfiles", "-o", str(library), f"@{listed}"]
+    options = ["-shared", "-s", "-nostartfiles", "-o", str(library), f"@{listed}", "-lm"]
+    command = [os.environ.get("CC", "cc"), *options]
     subprocess.run(command, check=True)
     if foreign := needed(library) - FROM_C:
         raise RuntimeError(f"{library} needs {', '.join(sorted(foreign))}: a loop allocates or raises")

@@ -91,7 +91,7 @@ def test_mismatches_are_named_and_make_the_exit_code_1(folder, capsys):
     [
         ("a.tif c.tif --orientation Ori --ties TieP", "no tie points of a.tif and c.tif"),
         ("a.tif b.tif --orientation None --ties TieP", "no pose of the image a.tif"),
-        ("a.tif b.tif --orientation Ori --ties absent", "cannot be read"),
+        ("a.tif b.tif --orientation Ori --ties absent", "there is no such file; check the path"),
         ("a.tif b.tif --orientation Ori --ties TieP --degree 9", "highest degree is 5"),
     ],
 )

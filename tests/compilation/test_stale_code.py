@@ -58,6 +58,14 @@ tiles = np.zeros(4 * 40)
 fill_lanes(tiles, 0, np.arange(128.0).reshape(32, 4), 0, 0)
 print(tiles.reshape(4, 40)[:, :3])
 """
+SPOTS = """
+import numpy as np
+from obseq.targets.light_spots import stand_out
+rows, columns = np.mgrid[0:24.0, 0:24.0]
+image, levels = np.exp(-((columns - 11.3) ** 2 + (rows - 12.6) ** 2) / 18.0), np.empty((1, 2))
+stand_out(image, np.array([[11.3, 12.6, 4.0, 0.5, 3.0, 40.0]]), levels)
+print(levels)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +144,12 @@ CASES = {
         "leastsquares/solvers/dense_loops.py",
         "> 0.0 else 1.0",
         "> 0.0 else 2.0",
+    ),
+    "targets": (
+        SPOTS,
+        "targets/detection.py",
+        "(1.0 - y) * upper + y * lower",
+        "(2.0 - y) * upper + y * lower",
     ),
 }
 """Of each room with compiled functions: what it computes, a helper in another file, and a change in it."""

@@ -138,7 +138,7 @@ def test_two_exchanged_measures_of_an_image_are_named(is_placed):
     if not is_placed:
         block.poses = block.poses.select([])
     labels = block.sets[0].measures.labels(rows)
-    assert codes(block) == {("I100", label): {"W114"} for label in labels}
+    assert codes(block) == {("I100", label): {"W113"} for label in labels}
 
 
 def _aerial():
@@ -172,7 +172,7 @@ def test_exchanged_points_that_lead_an_aerial_block_astray_are_named():
     part.measures.xy[rows] = part.measures.xy[rows[::-1]]
     found = codes(block)
     assert set(found) == {("I100", name) for name in names}
-    assert found["I100", names[1]] == {"W113"}
+    assert found["I100", names[1]] == {"W112"}
 
 
 def test_exchanged_control_points_that_keep_images_from_being_placed_are_named():

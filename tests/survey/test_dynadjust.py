@@ -73,7 +73,7 @@ def test_the_geoid_grid(shared_data):
 def test_the_command_reads_both_files(shared_data, capsys):
     folder = shared_data / "dynadjust-gnss"
     command = ["adjust", str(folder / "gnss-network.stn"), "--geoid", str(folder / "gnss-network-geoid.gsb")]
-    assert main(command) == 1  # of 139 vectors one has T 28.4: beyond chance at 0.5 % of all tests together
+    assert main(command) == 0  # one of 139 vectors has T 28.4: by the noise of the others it is chance
     out = capsys.readouterr().out
     assert "1.081" in out  # the root of 1.169
     assert "exceeded by 7 of 139, the worst vector 324900360 -> 222702940: T 28.4" in " ".join(out.split())

@@ -105,7 +105,11 @@ def test_a_formula_of_the_users_with_numbers_of_its_own(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("x = 1", "defines no formula"), ("1 / 0", "ZeroDivisionError"), (None, "cannot be read")],
+    [
+        ("x = 1", "defines no formula"),
+        ("1 / 0", "ZeroDivisionError"),
+        (None, "there is no such file; check the path"),
+    ],
 )
 def test_files_without_formulas(tmp_path, capsys, text, message):
     network(tmp_path)

@@ -220,7 +220,7 @@ def test_exact_observations_are_not_judged(tmp_path):
     assert main(["plan", *read, "--no-gains", "--out", str(tmp_path / "out")]) == 0
     record = json.loads((tmp_path / "out/plan.json").read_text())["adjustment"]
     assert record["planned"] and record["redundancy"] > 0
-    for judged in ("sigma0", "variance_factor", "global_test", "types", "setups", "suspicion"):
+    for judged in ("sigma0", "variance_factor", "global_test", "types", "setups", "diagnosis"):
         assert record[judged] is None
     assert all("residual" in row and row["residual"] is None for row in record["observations"])
     for name in ("plan.html", "plan.txt"):

@@ -203,15 +203,22 @@ def check_message(text: str) -> None:
 
 
 def check_result(record: AdjustmentRecord) -> None:
-    """Numbers are finite, and precisions are defined where the result says that it converged."""
+    """Numbers are finite, and precisions are defined where the result says that it converged.
+
+    A coordinate that nobody gave and nothing observes is unknown, and so is its precision.
+    """
     for point in record.points:
-        for name in (*SIZES, *(f"crs_{axis}" for axis in SIZES)):
+        known = [axis for axis in SIZES if getattr(point, axis) is not None]
+        assert known, f"nothing of {point.name} is known"
+        for name in (*known, *(f"crs_{axis}" for axis in SIZES if len(known) == len(SIZES))):
             value = getattr(point, name)
             assert value is not None and math.isfinite(value), f"{name} of {point.name} is {value}"
-        if record.converged:
-            for axis in SIZES:
-                sigma = getattr(point, f"s{axis}")
+        for axis in SIZES if record.converged else ():
+            sigma = getattr(point, f"s{axis}")
+            if axis in known:
                 assert sigma is not None and math.isfinite(sigma), f"precision of {point.name} is {sigma}"
+            else:
+                assert sigma is None, f"precision of {point.name}, which is unknown, is {sigma}"
     for row in record.observations:
         assert not row.active or row.residual is not None, f"no residual of {row.type} line {row.line}"
     if record.converged and record.redundancy > 0:

@@ -1,11 +1,12 @@
 """`obseq adjust`: a survey network from observation and point files."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
@@ -16,11 +17,14 @@ from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
 from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
-from obseq.printable import composed
+from obseq.errors import InputError, ObseqError
+from obseq.printable import composed, printable
 from obseq.records.adjustment import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch
-from obseq.writing import check_writable
+from obseq.writing import STANDARD_OUTPUT, check_writable
+
+if TYPE_CHECKING:
+    from obseq.survey import Network
 
 MORE = """
 The observations are read from OBS files, the points from COR files: known points with their
@@ -36,7 +40,10 @@ example:
 
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
 the JSON); 1 the iterations did not converge, points were left out, or observations that no file switches
-off, gross errors are suspected, or snooping left some out; 2 could not run"""
+off, gross errors are suspected, or snooping or --without-accused left some out; 2 could not run"""
+
+SECOND = "-without-accused"
+"""What the names of the files of a second adjustment end with."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,7 @@ class Request:
         sinex: Where the points go with their whole covariance; None for nowhere.
         estimated: What is estimated of instruments and refraction.
         units: Of the reports, in words; those of the files for what they do not name.
+        without_accused: Whether a second adjustment is made without what is accused.
     """
 
     source: Source
@@ -60,12 +68,32 @@ class Request:
     sinex: Path | None = None
     estimated: Sequence[str] = ()
     units: Sequence[str] = ()
+    without_accused: bool = False
 
     @property
     def places(self) -> list[Path]:
         """Where something is written."""
         sinex = [] if self.sinex is None else [self.sinex]
         return [*(path for path, _ in self.outputs), *sinex]
+
+    def second(self) -> "Request":
+        """The request of the adjustment without what is accused: its results go beside the first ones.
+
+        Raises:
+            InputError: a result goes to standard output, which takes one.
+        """
+        if STANDARD_OUTPUT in self.places:
+            raise InputError("--without-accused writes two results: name a file in place of -")
+        return replace(
+            self,
+            outputs=[(_beside(path), form) for path, form in self.outputs],
+            title=f"{self.title}, without the accused" if self.title else "Without the accused",
+            sinex=None if self.sinex is None else _beside(self.sinex),
+        )
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f"{path.stem}{SECOND}{path.suffix}")
 
 
 def register(commands: Commands) -> None:
@@ -101,6 +129,12 @@ def register(commands: Commands) -> None:
         action="store_true",
         help="refuse (exit code 2) a network of which points would have to be left out as undetermined",
     )
+    computation.add_argument(
+        "--without-accused",
+        action="store_true",
+        help="where errors are named that explain what is wrong: also a second adjustment, without them "
+        f"(of a group, without all its observations); its files end with {SECOND}",
+    )
     command.add_argument("--title", metavar="TEXT", help="what the reports call this adjustment")
     add_quality_arguments(command)
     add_result_arguments(command)
@@ -128,6 +162,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.sinex,
             arguments.estimate or (),
             arguments.units,
+            arguments.without_accused,
         )
     )
 
@@ -145,19 +180,34 @@ def _datum(arguments: argparse.Namespace) -> Any:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
-    check_writable(request.places, request.source.files)
+    second = request.second() if request.without_accused else None
+    check_writable([*request.places, *(second.places if second else ())], request.source.files)
     with Progress("starting") as progress:
         watch = Stopwatch(progress)
-        record, others = _adjusted(request, watch)
-        with watch.phase("write"):
-            record = write(record, request.outputs, others)
-    phases = (*record.phases, PhaseRecord("write", watch.seconds["write"]))
-    show(structs.replace(record, phases=phases), request.outputs, list(others))
+        network = _network(request, watch)
+        record, others = _written(network, request, watch)
+    show(record, request.outputs, others)
+    if second is not None:
+        return _without_accused(network, record, second)
     return 0 if record.is_complete else INCOMPLETE
 
 
-def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dict[Path, str]]:
-    """The adjustment, and the files that its record does not make."""
+def _without_accused(network: "Network", first: AdjustmentRecord, request: Request) -> int:
+    """Adjust a network again, without what is accused; where there is no such adjustment, say why."""
+    try:
+        with Progress("adjusting without what is accused") as progress:
+            rest = network.without_accused(first.diagnosis)
+            record, others = _written(rest, request, Stopwatch(progress))
+    except ObseqError as error:
+        print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
+        return 0 if first.is_complete else INCOMPLETE
+    print()
+    show(record, request.outputs, others)
+    return INCOMPLETE
+
+
+def _network(request: Request, watch: Stopwatch) -> "Network":
+    """The network of the files."""
     with watch.phase("load"):
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     watch.progress("read")
@@ -170,6 +220,11 @@ def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dic
         from obseq.formats.conversion import check_sinex
 
         check_sinex(network, request.solving.get("datum"))
+    return network
+
+
+def _written(network: "Network", request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, list[Path]]:
+    """The adjustment, when its results are written; and the files that its record does not make."""
     adjustment = network.adjust(progress=watch.progress, **request.solving)
     files: dict[Path, str] = {}
     if request.sinex is not None:
@@ -179,4 +234,9 @@ def _adjusted(request: Request, watch: Stopwatch) -> tuple[AdjustmentRecord, dic
         files = boundary.texts({request.sinex: partial(sinex_of, adjustment)})
         adjustment = adjustment.failing(boundary.failures)
     record = adjustment.record(request.title)
-    return structs.replace(record, phases=(PhaseRecord("load", watch.seconds["load"]), *record.phases)), files
+    loading = [PhaseRecord("load", watch.seconds["load"])] if "load" in watch.seconds else []
+    record = structs.replace(record, phases=(*loading, *record.phases))
+    with watch.phase("write"):
+        record = write(record, request.outputs, files)
+    phases = (*record.phases, PhaseRecord("write", watch.seconds["write"]))
+    return structs.replace(record, phases=phases), list(files)

@@ -23,6 +23,7 @@ COMMANDS = {
     "plan": ("plan", "simulate"),
     "compare": ("compare",),
     "report": ("report",),
+    "causes": ("causes",),
     "convert": ("convert",),
     "aerial": ("image-world", "world-image", "intersect", "resect"),
     "epipolar": ("epipolar",),

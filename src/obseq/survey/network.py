@@ -23,17 +23,19 @@ from obseq.arguments import (
 )
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, noting
+from obseq.records.diagnosis import DiagnosisRecord
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.adjustment.drawing import network_html, network_text
-from obseq.survey.adjustment.frame import Frame, frame_of
+from obseq.survey.adjustment.frame import Frame, area_warning, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.checks.both_faces import MEAN, reduced_faces
 from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
+from obseq.survey.diagnosing.without_accused import without_accused
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.own_frame import placed_in_own_frame
@@ -53,16 +55,6 @@ if TYPE_CHECKING:
 MAX_ITERATIONS = 25
 QUALITY = Quality()
 GIVEN = Datum()
-
-
-def _area_warning(system: crs.CoordinateSystem, points: Points) -> str | None:
-    """What to say of known points outside the area of their system; of all points where none is known.
-
-    Approximate coordinates may be placeholders, such as 0 0 0.
-    """
-    known = points.has_coordinates & ~points.is_free.all(axis=1)
-    rows = np.flatnonzero(known if known.any() else points.has_coordinates)
-    return crs.area_warning(system, points.coordinates[rows], [points.names[row] for row in rows.tolist()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,7 +277,7 @@ class Network:
             coordinates = system.parts(points.coordinates)
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
-            warning = _area_warning(given, points)
+            warning = area_warning(given, points)
         book = reduced_faces(book, faces)
         if warning is not None:
             book = replace(book, warnings=(*book.warnings, warning))
@@ -386,6 +378,21 @@ class Network:
         with noting(self.book.warnings):
             adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
+
+    @expecting(diagnosis=instance(DiagnosisRecord) | NOTHING)
+    def without_accused(self, diagnosis: DiagnosisRecord | None) -> Network:
+        """The network without what is accused, for a second adjustment: it says what was left out.
+
+        Observations of an error, or of a group that shares one, take no part; known coordinates are unknown.
+
+        Args:
+            diagnosis: Of an adjustment of this network (`Adjustment.diagnosis`).
+
+        Raises:
+            InputError: Nothing is accused, or it does not explain what is wrong.
+        """
+        points, book = without_accused(self.points, self.book, diagnosis)
+        return replace(self, points=points, book=book)
 
     def gross_errors(self) -> tuple[AccusedRecord, ...]:
         """What is wrong with it: where, by how much, and by which slip; the clearest first."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.targets.detection import crossings, discs, saddle_strength, saddles, smooth
-from obseq.targets.spots import above_mean, spots, stand_out
+from obseq.targets.light_spots import above_mean, spots, stand_out
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatRows

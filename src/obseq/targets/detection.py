@@ -1,4 +1,4 @@
-"""The compiled loops of the finders: saddles of a smoothed image, and the ellipses around them."""
+"""The compiled loops of the finders: an image between its pixels, its saddles, and discs around them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows
 
 RING = 24
-"""Places on a circle around a saddle."""
+"""Places on a circle around a saddle, or on an ellipse around a spot."""
 
 
 @compiled
@@ -295,14 +295,14 @@ def discs(
             for k in range(count):
                 p, q = work[k, 0], work[k, 1]
                 radius = math.sqrt(a * p * p + 2.0 * b * p * q + c * q * q)
-                away = abs(radius - 1.0) * math.hypot(p, q) / radius
+                away = abs(radius - 1.0) * math.sqrt(p * p + q * q) / radius
                 scatter += work[k, 2] * min(away, 3.0)
                 weight += work[k, 2]
             scatter /= weight
             for k in range(count):
                 p, q = work[k, 0], work[k, 1]
                 radius = math.sqrt(a * p * p + 2.0 * b * p * q + c * q * q)
-                away = abs(radius - 1.0) * math.hypot(p, q) / radius
+                away = abs(radius - 1.0) * math.sqrt(p * p + q * q) / radius
                 work[k, 2] = 1.0 if away < max(0.7, 2.0 * scatter) else 0.0
         kept = 0.0
         for k in range(count):

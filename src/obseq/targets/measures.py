@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +11,12 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images import ImagePoints
 from obseq.project.tree import tree_text
+from obseq.reading.tables import Table
+from obseq.spreadsheets import csv_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from obseq.arrays import FloatArray, FloatRows
     from obseq.project.tree import Tree
@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 UNCODED = "NONE"
 """What the names of spots without code begin with, as in MMVII."""
+MEASURED = "image", "point", "x", "y", "sxx", "sxy", "syy"
+"""Columns that make a measure."""
 COLUMNS = (
-    *("image", "point", "x", "y", "sxx", "sxy", "syy"),
+    *MEASURED,
     *("family", "centre", "size_px", "tilt_deg", "blur_px", "contrast", "likeness", "sigma0"),
     *("least_margin", "corrected_bits"),
 )
@@ -75,13 +77,10 @@ def table_text(found: Mapping[str, Found], *, of_ellipse: bool = False) -> str:
         found: by the names of the images.
         of_ellipse: write the centres of ellipses, as other programs do, and not the true ones.
     """
-    stream = io.StringIO()
-    rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(COLUMNS)
-    for image, one in found.items():
-        for name, target in named(one):
-            rows.writerow(_row(image, name, target, of_ellipse))
-    return stream.getvalue()
+    rows = (
+        _row(image, name, target, of_ellipse) for image, one in found.items() for name, target in named(one)
+    )
+    return csv_text([COLUMNS, *rows])
 
 
 def _row(image: str, name: str, target: Target, of_ellipse: bool) -> list[str]:
@@ -109,15 +108,13 @@ def _row(image: str, name: str, target: Target, of_ellipse: bool) -> list[str]:
 
 def refusals_text(found: Mapping[str, Found]) -> str:
     """What looked like a target and was refused, with the reason, CSV."""
-    stream = io.StringIO()
-    rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(["image", "x", "y", "what", "value", "limit"])
+    rows = [["image", "x", "y", "what", "value", "limit"]]
     for image, one in found.items():
         for refusal in one.refused:
             limit = f"{refusal.limit:.3g}" if math.isfinite(refusal.limit) else ""
             place = f"{refusal.x:.1f}", f"{refusal.y:.1f}"
-            rows.writerow([image, *place, refusal.stage, f"{refusal.value:.6g}", limit])
-    return stream.getvalue()
+            rows.append([image, *place, refusal.stage, f"{refusal.value:.6g}", limit])
+    return csv_text(rows)
 
 
 def mmvii_text(image: str, measures: Sequence[Measure]) -> str:
@@ -158,26 +155,24 @@ def image_points(measures: Sequence[Measure]) -> ImagePoints:
 
 def measures_text(measures: Sequence[Measure]) -> str:
     """The first columns of the table alone, CSV."""
-    stream = io.StringIO()
-    rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(COLUMNS[:7])
+    rows: list[Sequence[str]] = [MEASURED]
     for one in measures:
         x, y = one.xy
         c = one.covariance
         variances = (f"{value:.4e}" for value in (c[0, 0], c[0, 1], c[1, 1]))
-        rows.writerow([one.image, one.point, f"{x:.4f}", f"{y:.4f}", *variances])
-    return stream.getvalue()
+        rows.append([one.image, one.point, f"{x:.4f}", f"{y:.4f}", *variances])
+    return csv_text(rows)
 
 
 def block_text(measures: Sequence[Measure]) -> str:
     """The table of measures that `obseq bundle` reads, with sigmas; no spots without code."""
-    rows = ["image,point,x,y,sx,sy"]
+    rows = [["image", "point", "x", "y", "sx", "sy"]]
     for one in measures:
         if not one.point.startswith(UNCODED):
             x, y = one.xy
             sx, sy = np.sqrt(np.diag(one.covariance))
-            rows.append(f"{one.image},{one.point},{x:.4f},{y:.4f},{sx:.5f},{sy:.5f}")
-    return "\n".join(rows) + "\n"
+            rows.append([one.image, one.point, f"{x:.4f}", f"{y:.4f}", f"{sx:.5f}", f"{sy:.5f}"])
+    return csv_text(rows)
 
 
 def read_table(path: str | Path) -> list[Measure]:
@@ -186,30 +181,15 @@ def read_table(path: str | Path) -> list[Measure]:
     Raises:
         InputError: with the line and the column that is wrong.
     """
-    place = Path(path)
-    try:
-        text = place.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{place}: there is no such file; check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{place}: cannot be read: {error}") from None
-    rows = csv.reader(io.StringIO(text))
-    head = next(rows, [])
-    wanted = COLUMNS[:7]
-    if missing := [column for column in wanted if column not in head]:
-        raise InputError(f"{place}: has no column {missing[0]}; give a table of `obseq targets find --csv`")
-    columns = [head.index(column) for column in wanted]
-    return [_measure(f"{place}:{number}", row, columns) for number, row in enumerate(rows, 2) if row]
+    table = Table.read(path)
+    table.require(*MEASURED)
+    values = np.column_stack([table.numbers(column) for column in MEASURED[2:]])
+    names = zip(table.texts("image"), table.texts("point"), strict=True)
+    return [_measure(table.place(row), image, point, values[row]) for row, (image, point) in enumerate(names)]
 
 
-def _measure(where: str, row: Sequence[str], columns: Sequence[int]) -> Measure:
-    if len(row) <= max(columns):
-        raise InputError(f"{where}: has {len(row)} fields where the table has more")
-    image, point, *words = (row[column] for column in columns)
-    try:
-        x, y, sxx, sxy, syy = map(float, words)
-    except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
-    if not np.isfinite([x, y, sxx, sxy, syy]).all() or sxx <= 0.0 or syy <= 0.0 or sxx * syy < sxy**2:
-        raise InputError(f"{where}: point {point}: the place or its variances are no possible numbers")
+def _measure(where: str, image: str, point: str, values: FloatArray) -> Measure:
+    x, y, sxx, sxy, syy = values
+    if sxx <= 0.0 or syy <= 0.0 or sxx * syy < sxy**2:
+        raise InputError(f"{where}: point {point}: sxx, sxy and syy are no variances")
     return Measure(image, point, np.array([x, y]), np.array([[sxx, sxy], [sxy, syy]]))

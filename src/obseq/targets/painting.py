@@ -64,7 +64,7 @@ def bit_at(
             column = half - 1 - column
         column = min(max(column, 0), half - 1)
         return column + half if is_second else column
-    r = math.hypot(x, y)
+    r = math.sqrt(x * x + y * y)
     if r < begin or r >= end:
         return -1
     turn = (math.atan2(y, x) - angle) * (1.0 if grows else -1.0)
@@ -96,7 +96,11 @@ def ink_at(figure: Figure, bits: int, code: int, x: float, y: float) -> float:
         return 0.0
     if figure.rings > 0.0 and square < figure.rings * figure.rings:
         ratio = max(figure.finest, math.sqrt(square)) / figure.rings
-        return 1.0 if math.floor(math.log2(ratio)) % 2 == 0 else 0.0
+        ink = 1.0
+        while ratio < 1.0:
+            ratio *= 2.0
+            ink = 1.0 - ink
+        return ink
     if abs(x - figure.mark_x) + abs(y - figure.mark_y) < figure.mark:
         return 1.0
     if not figure.is_chequered:

@@ -28,7 +28,7 @@ def slips_of_a_coordinate(evidence: Evidence, label: tuple[int, ...], change: Ch
     if told is not None:
         yield Slip(told.code, told.text, told.chance, told.chance < LIKELY)
     elif abs(2.0 * given - float(change.size[0])) < tolerance:
-        yield Slip("W106", "its sign is wrong", 0.0, is_strong=True)
+        yield Slip("W105", "its sign is wrong", 0.0, is_strong=True)
 
 
 def slips_of_a_point(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:
@@ -42,14 +42,14 @@ def slips_of_a_point(evidence: Evidence, label: tuple[int, ...], change: Change)
     spread = np.where(np.isfinite(spread), spread, 0.0)
     spread[axes] = np.hypot(spread[axes], change.sigma)
     if _is_near(given[[1, 0, 2]], right, spread):
-        yield Slip("W124", "x and y are exchanged", 0.0, is_strong=True)
+        yield Slip("W123", "x and y are exchanged", 0.0, is_strong=True)
     for other in np.flatnonzero(start.is_control).tolist():
         if other != label[0] and _is_near(start.coordinates[other], right, spread):
             name = start.points[other]
             there = evidence.coordinates[other]
             is_pair = _is_near(given, there, 2.0 * spread)
             said = f"exchanged with {name}" if is_pair else f"it is where {name} should be"
-            yield Slip("W134", said, 0.0, is_strong=True)
+            yield Slip("W133", said, 0.0, is_strong=True)
 
 
 def _is_near(place: FloatArray, right: FloatArray, spread: FloatArray) -> bool:

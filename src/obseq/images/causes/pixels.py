@@ -49,6 +49,6 @@ def _of_another_point(evidence: Evidence, measure: int, xy: FloatArray, spread: 
     others = evidence.of_image(image)
     ((other, _),) = [evidence.written(others[numbering.point[others] == best])]
     if len(other) and np.linalg.norm((other[0] - places[own]) / spread) < NEAR:
-        yield Slip("W114", f"exchanged with point {name}", chance, is_strong=True)
+        yield Slip("W113", f"exchanged with point {name}", chance, is_strong=True)
     elif chance < LIKELY:
-        yield Slip("W113", f"it is where point {name} is", chance, is_strong=False)
+        yield Slip("W112", f"it is where point {name} is", chance, is_strong=False)

@@ -299,3 +299,13 @@ def _together(coordinates: FloatArray) -> FloatArray:
     away = np.linalg.norm(coordinates[:, :2] - np.median(coordinates[:, :2], axis=0), axis=1)
     near = away <= _FARTHEST * max(float(np.median(away)), 1e-3)
     return np.asarray(coordinates[near])
+
+
+def area_warning(system: crs.CoordinateSystem, points: Points) -> str | None:
+    """What to say of known points outside the area of their system; of all points where none is known.
+
+    Approximate coordinates may be placeholders, such as 0 0 0.
+    """
+    known = points.has_coordinates & ~points.is_free.all(axis=1)
+    rows = np.flatnonzero(known if known.any() else points.has_coordinates)
+    return crs.area_warning(system, points.coordinates[rows], [points.names[row] for row in rows.tolist()])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
 _FEW = 200_000
 """Entries up to which matrices are plain arrays: sparse ones take longer to begin, and SciPy to load."""
-_RARITY = {ROW: 0.0, KNOWN: 1.0, KNOWN_PLAN: 4.0}
+RARITY = {ROW: 0.0, KNOWN: 1.0, KNOWN_PLAN: 4.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +84,13 @@ class Catalogue:
         pairs = np.flatnonzero(np.diff(points[plan]) == 0)
         both = np.column_stack([plan[pairs], plan[pairs + 1]]) if pairs.size else np.zeros((0, 2), np.int64)
         return [
-            Family.alone(ROW, own, _RARITY[ROW], is_start=True),
-            Family.alone(KNOWN, first + np.arange(len(points)), _RARITY[KNOWN], is_start=True),
+            Family.alone(ROW, own, RARITY[ROW], is_start=True),
+            Family.alone(KNOWN, first + np.arange(len(points)), RARITY[KNOWN], is_start=True),
             Family(
                 KNOWN_PLAN,
                 2 * np.arange(len(both) + 1),
                 first + both.ravel(),
-                _RARITY[KNOWN_PLAN],
+                RARITY[KNOWN_PLAN],
                 is_block=True,
             ),
         ]

@@ -24,11 +24,13 @@ class Scope:
         name: Stable name, such as "file".
         labels: Number of what each observation is of; negative for none.
         words: What one of them is called.
+        about: What it is, for pages.
     """
 
     name: str
     labels: Callable[[Notes], IntArray]
     words: Callable[[Notes, int, IntArray], str]
+    about: str
 
 
 @dataclass(frozen=True, eq=False)

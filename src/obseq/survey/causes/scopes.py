@@ -29,28 +29,37 @@ def _point(notes: Notes, label: int, _rows: IntArray) -> str:
     return notes.book.point_names[label]
 
 
-SETUP = Scope("setup", lambda notes: notes.setups, _setup)
-SIGHT = Scope("sight", lambda notes: notes.sights, _sight)
-READING = Scope("reading", lambda notes: notes.readings, _sight)
-VECTOR = Scope("vector", lambda notes: notes.vectors, _sight)
+SETUP = Scope("setup", lambda notes: notes.setups, _setup, "a set-up")
+SIGHT = Scope("sight", lambda notes: notes.sights, _sight, "a sight")
+READING = Scope("reading", lambda notes: notes.readings, _sight, "a sight of one round")
+VECTOR = Scope("vector", lambda notes: notes.vectors, _sight, "a vector")
 FILE = Scope(
     "file",
     lambda notes: notes.book.observations.file_indices.astype(np.int64),
     lambda notes, label, _rows: notes.book.files[label],
+    "a file",
 )
 INSTRUMENT = Scope(
     "instrument",
     lambda notes: notes.instruments,
     lambda notes, label, _rows: f"instrument {notes.book.groups[label].name}",
+    "an instrument",
 )
 FROM = Scope(
     "from",
     lambda notes: notes.book.observations.from_points.astype(np.int64),
     lambda notes, label, rows: f"from {_point(notes, label, rows)}",
+    "all from a point",
 )
 TO = Scope(
     "to",
     lambda notes: notes.book.observations.to_points.astype(np.int64),
     lambda notes, label, rows: f"to {_point(notes, label, rows)}",
+    "all to a point",
 )
-ALL = Scope("all", lambda notes: np.zeros(len(notes.book.observations), np.int64), lambda *_: "all")
+ALL = Scope(
+    "all",
+    lambda notes: np.zeros(len(notes.book.observations), np.int64),
+    lambda *_: "all",
+    "the whole network",
+)

@@ -151,8 +151,8 @@ def _of_height(named: Named, change: Change, evidence: Evidence) -> Iterator[Sli
     others = np.unique(np.concatenate([rows.from_heights, rows.to_heights]))
     used = others[others > 0.0]
     if written == 0.0:
-        is_like_others = bool(used.size) and 0.5 * used[0] <= right <= 2.0 * used[-1]
-        yield Slip("W114", f"a height of {right:.3f} m was left out", 0.0, is_strong=is_like_others)
+        if used.size and 0.5 * used[0] <= right <= 2.0 * used[-1]:  # as those that were noted
+            yield Slip("W114", f"a height of {right:.3f} m was left out", 0.0, is_strong=True)
     elif abs(right + written) <= tolerance:
         yield Slip("W115", "the sign of the height is wrong", 0.0, is_strong=True)
     elif right == 0.0 or abs(right) <= tolerance:

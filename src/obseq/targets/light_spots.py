@@ -1,4 +1,4 @@
-"""The compiled loops that find light spots which look like ellipses."""
+"""The compiled loops of the finders: light spots that look like ellipses."""
 
 from __future__ import annotations
 
