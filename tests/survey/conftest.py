@@ -15,3 +15,10 @@ def planted(monkeypatch):
     """The bench that plants gross errors in random networks."""
     monkeypatch.syspath_prepend(TOOLS)
     return importlib.import_module("bench_gross_errors")
+
+
+@pytest.fixture
+def mistakes(monkeypatch):
+    """What it plants."""
+    monkeypatch.syspath_prepend(TOOLS)
+    return importlib.import_module("gross_mistakes")

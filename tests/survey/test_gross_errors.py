@@ -29,16 +29,16 @@ OF_MANY = [
 
 @pytest.mark.parametrize("seed", [2, 8, 11])
 @pytest.mark.parametrize("mistake", SINGLE + SIGHTS)
-def test_a_wrong_observation_is_named_with_its_cause(planted, mistake, seed):
-    count = planted.counted(getattr(planted, mistake), range(seed, seed + 1))
+def test_a_wrong_observation_is_named_with_its_cause(planted, mistakes, mistake, seed):
+    count = planted.counted(getattr(mistakes, mistake), range(seed, seed + 1))
     assert (count.named, count.first) == (1, 1)
 
 
 @pytest.mark.slow(reason="a dozen rewritings are tried, each on the whole network")
 @pytest.mark.parametrize("mistake", OF_MANY)
-def test_one_cause_of_many_contradictions_is_named(planted, mistake):
+def test_one_cause_of_many_contradictions_is_named(planted, mistakes, mistake):
     for seed in (8, 11):
-        count = planted.counted(getattr(planted, mistake), range(seed, seed + 1))
+        count = planted.counted(getattr(mistakes, mistake), range(seed, seed + 1))
         assert (count.named, count.first) == (1, 1)
 
 
@@ -46,16 +46,16 @@ def test_honest_networks_raise_no_alarm(planted):
     assert planted.counted(None, range(100, 105)).announced == 0
 
 
-def spoilt(planted, folder, mistake, seed=11):
+def spoilt(planted, mistakes, folder, mistake, seed=11):
     random = np.random.default_rng(seed)
     site = planted.made_site(random)
-    return site, getattr(planted, mistake)(site, random), site.write(folder)
+    return site, getattr(mistakes, mistake)(site, random), site.write(folder)
 
 
-def test_the_command_announces_adjusts_and_returns_1(planted, tmp_path, capsys):
-    _, mistake, (obs, cor) = spoilt(planted, tmp_path, "one_digit")
+def test_the_command_announces_adjusts_and_returns_1(planted, mistakes, tmp_path, capsys):
+    _, mistake, (obs, cor) = spoilt(planted, mistakes, tmp_path, "one_digit")
     command = ["adjust", "--obs", str(obs), "--cor", str(cor)]
-    command += ["--frame", planted.FRAME, "--points-crs", planted.PLANE]
+    command += ["--frame", mistakes.FRAME, "--points-crs", mistakes.PLANE]
     assert main([*command, "--json", str(tmp_path / "a.json")]) == 1
     shown = capsys.readouterr().out
     found = json.loads((tmp_path / "a.json").read_text())["diagnosis"]
@@ -68,21 +68,23 @@ def test_the_command_announces_adjusts_and_returns_1(planted, tmp_path, capsys):
     assert one["text"] in capsys.readouterr().err
 
 
-def test_sizes_are_told_in_the_units_of_the_reports(planted, tmp_path):
+def test_sizes_are_told_in_the_units_of_the_reports(planted, mistakes, tmp_path):
     """The same network in feet and degrees: what is suspected has no metres nor gon in it."""
-    _, _, (obs, cor) = spoilt(planted, tmp_path, "one_digit")
-    command = ["adjust", "--obs", str(obs), "--cor", str(cor), "--frame", planted.FRAME]
+    _, _, (obs, cor) = spoilt(planted, mistakes, tmp_path, "one_digit")
+    command = ["adjust", "--obs", str(obs), "--cor", str(cor), "--frame", mistakes.FRAME]
     told = []
     for units in (["m", "gon"], ["ft", "degree"]):
-        main([*command, "--points-crs", planted.PLANE, "--units", *units, "--json", str(tmp_path / "a.json")])
+        main(
+            [*command, "--points-crs", mistakes.PLANE, "--units", *units, "--json", str(tmp_path / "a.json")]
+        )
         (error,) = json.loads((tmp_path / "a.json").read_text())["diagnosis"]["accused"]
         told.append((error["size"], error["text"].split()[3].strip(":;")))
     assert told[0][0] == pytest.approx(told[1][0])
     assert {told[0][1]: told[1][1]}.items() <= {("m", "ft"), ("gon", "deg"), ("mgon", "sec"), ("mm", "ft")}
 
 
-def test_strict_refuses_gross_errors_and_the_rest_is_adjusted_without(planted, tmp_path):
-    site, mistake, _ = spoilt(planted, tmp_path, "one_elevation")
+def test_strict_refuses_gross_errors_and_the_rest_is_adjusted_without(planted, mistakes, tmp_path):
+    site, mistake, _ = spoilt(planted, mistakes, tmp_path, "one_elevation")
     with pytest.raises(InputError, match="elevation"):
         site.read(tmp_path).adjust(strict=True)
     adjustment = site.read(tmp_path).adjust()
@@ -91,23 +93,23 @@ def test_strict_refuses_gross_errors_and_the_rest_is_adjusted_without(planted, t
     assert adjustment.residuals.shape == (len(adjustment.book.observations),)  # all take part all the same
 
 
-def test_several_gross_errors_come_clearest_first(planted, tmp_path):
+def test_several_gross_errors_come_clearest_first(planted, mistakes, tmp_path):
     random = np.random.default_rng(11)
     site = planted.made_site(random)
-    done = [planted.one_in_millimetres(site, random), planted.one_elevation(site, random)]
+    done = [mistakes.one_in_millimetres(site, random), mistakes.one_elevation(site, random)]
     errors = site.read(tmp_path).gross_errors()
     assert len(errors) == 2
     assert errors[0].test / errors[0].limit > errors[1].test / errors[1].limit
     assert all(any(mistake.is_named_by(error) for error in errors) for mistake in done)
 
 
-def test_a_failing_diagnosis_takes_no_result_away(planted, tmp_path, monkeypatch):
+def test_a_failing_diagnosis_takes_no_result_away(planted, mistakes, tmp_path, monkeypatch):
     from obseq.survey import fieldwork
 
     def failing(*_):
         raise ZeroDivisionError
 
-    site, _, _ = spoilt(planted, tmp_path, "one_digit")
+    site, _, _ = spoilt(planted, mistakes, tmp_path, "one_digit")
     monkeypatch.setattr(fieldwork, "record_of", failing)
     adjustment = site.read(tmp_path).adjust()
     assert adjustment.converged and np.isfinite(adjustment.sigma0)

@@ -40,6 +40,7 @@ from typing import TYPE_CHECKING, Any
 
 import diagnosis_blocks as blocks
 import diagnosis_networks as networks
+import diagnosis_slips as slips
 import numpy as np
 from command import command_line, write_json
 from diagnosis_records import of_block, of_refusal, of_survey
@@ -187,7 +188,7 @@ def _classes() -> Iterator[tuple[str, Class]]:
     for name, (count, most) in {**counts, "two or three of 8": (4, 0.0)}.items():
         yield f"mixed: {name}", Class(networks.mixed, partial(_spoiled, count=count, most=most), _survey)
     yield "site: none", Class(networks.site, lambda survey, random, clean: (survey, ()), _survey)
-    for name, slip in networks.SLIPS.items():
+    for name, slip in slips.SLIPS.items():
         yield f"site: {name}", Class(networks.site, partial(_slipped, slip), _survey, has_causes=True)
     yield "block: none", Class(blocks.block, lambda given, random, clean: (given, ()), _block)
     for name, mistake in blocks.MISTAKES.items():

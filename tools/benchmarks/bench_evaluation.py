@@ -76,11 +76,14 @@ def one_of_each_family() -> list[Formula]:
     return [members[len(members) // 2] for members in families.values()]
 
 
+def library_of(formula: Formula, folder: Path) -> ctypes.CDLL:
+    """The rival's code of a formula, compiled."""
+    return cpp_contenders.build(cpp_contenders.rival_text(rival.build(formula), formula), folder)
+
+
 def bench(formula: Formula, sizes: Sequence[int], rounds: int, folder: Path) -> Row:
     """The bench of one formula."""
-    ours = calculator(formula.name)
-    text = cpp_contenders.rival_text(rival.build(formula), formula)
-    library = cpp_contenders.build(text, folder)
+    ours, library = calculator(formula.name), library_of(formula, folder)
     row = Row(formula.name, {}, {}, {}, {})
     for n in sizes:
         all_of_them = contenders(ours, formula, n, library)

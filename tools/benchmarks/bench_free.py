@@ -24,6 +24,14 @@ from free_networks import KNOWN, fault, free_case
 from obseq import ObseqError
 
 
+def said_of(seed: int) -> str:
+    """What is wrong with the network of a seed; nothing where it is right."""
+    try:
+        return fault(free_case(seed))
+    except ObseqError as error:
+        return f"refused: {error}"
+
+
 def main() -> int:
     """Runs the bench; 1 where some network is not right."""
     parser = command_line(__doc__)
@@ -32,11 +40,7 @@ def main() -> int:
     arguments = parser.parse_args()
     wrong: dict[int, str] = {}
     for seed in range(arguments.networks):
-        try:
-            said = fault(free_case(seed))
-        except ObseqError as error:
-            said = f"refused: {error}"
-        if said:
+        if said := said_of(seed):
             wrong[seed] = said
             print(f"{seed:5d} {KNOWN[seed % len(KNOWN)]}: {said}", flush=True)
     print(f"{arguments.networks - len(wrong)} of {arguments.networks} networks are right")

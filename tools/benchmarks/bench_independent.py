@@ -35,6 +35,7 @@ from referee.judged import judge
 from referee.judged_blocks import judge_block
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Callable, Iterable
 
 Figures = dict[str, Any]
@@ -90,9 +91,8 @@ def line(found: Figures) -> str:
     return f"{where} {found['said'] or sizes}; iterations {found['iterations']}{found['more']:+d}"
 
 
-def told(found: list[Figures]) -> None:
-    """Prints rates and worst deviations."""
-    kept = [item for item in found if not item.get("is_undetermined")]
+def grouped(kept: list[Figures]) -> dict[str, list[Figures]]:
+    """Networks by dialect, by what is special about their place, and by datum."""
     groups: dict[str, list[Figures]] = {"all": kept}
     for item in kept:
         groups.setdefault(item["dialect"], []).append(item)
@@ -101,7 +101,13 @@ def told(found: list[Figures]) -> None:
                 groups.setdefault(word, []).append(item)
         if item["is_inner"]:
             groups.setdefault("inner", []).append(item)
-    for name, chosen in groups.items():
+    return groups
+
+
+def told(found: list[Figures]) -> None:
+    """Prints rates and worst deviations."""
+    kept = [item for item in found if not item.get("is_undetermined")]
+    for name, chosen in grouped(kept).items():
         print(f"{name:7s} {sum(item['is_good'] for item in chosen)} of {len(chosen)} agree")
     print(f"{len(found) - len(kept)} undetermined")
     compared = [item for item in kept if not item["said"]]
@@ -115,8 +121,8 @@ def told(found: list[Figures]) -> None:
     print("said:", Counter(item["said"].split(":")[0] for item in kept if item["said"]).most_common())
 
 
-def main() -> int:
-    """Runs the bench; 1 where some network does not agree."""
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
     parser = command_line(__doc__)
     parser.add_argument("--networks", type=int, default=300, help="how many seeds (default 300)")
     parser.add_argument("--blocks", action="store_true", help="blocks of images")
@@ -125,7 +131,12 @@ def main() -> int:
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help="figures by seed; what is there is not done again"
     )
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Runs the bench; 1 where some network does not agree."""
+    arguments = asked()
     path = arguments.json
     done = {item["seed"]: item for item in json.loads(path.read_text())} if path and path.exists() else {}
     seeds = arguments.seeds or range(arguments.first, arguments.first + arguments.networks)

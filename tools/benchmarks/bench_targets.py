@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from obseq.images import Camera
-from obseq.targets import Conditions, Finder, Scene, made, photograph, random_sheets
+from obseq.targets import Conditions, Finder, Scene, Specification, made, photograph, random_sheets
 from obseq.targets.statistics import Trial, summary
 
 FAMILIES = {
@@ -55,16 +55,19 @@ def compressed(image: Any, quality: int) -> Any:
     return np.array(Image.open(stream))
 
 
+def camera_for(spec: Specification, size: float, distortion: float) -> Camera:
+    """A camera whose image has room for some targets of a size."""
+    width = int(max(400, 5.2 * size * (1.6 if spec.geometry.in_rows else 2.0)))
+    middle = [width / 2 - 400, width / 2 - 300]
+    return Camera("bench", width, width, 1500.0, middle, distortion={"K1": distortion})
+
+
 def entry(family: str, line: tuple[Any, ...], wanted: int, timed: bool) -> str:
     """The figures of one family in one line."""
     _, scene, seen, distortion, quality = line
     spec = made(*FAMILIES[family])
     finder = Finder([spec])
-    size = {**BASE_SCENE, **scene}["sizes"][0]
-    width = int(max(400, 5.2 * size * (1.6 if spec.geometry.in_rows else 2.0)))
-    camera = Camera(
-        "bench", width, width, 1500.0, [width / 2 - 400, width / 2 - 300], distortion={"K1": distortion}
-    )
+    camera = camera_for(spec, {**BASE_SCENE, **scene}["sizes"][0], distortion)
     trials: list[Trial] = []
     spent, seed = 0.0, 0
     while sum(len(trial.truths) for trial in trials) < wanted and seed < 5 * wanted:

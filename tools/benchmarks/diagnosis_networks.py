@@ -1,4 +1,4 @@
-"""Random surveys with planted mistakes: mixed networks with blunders, sites with one slip of each kind.
+"""Random surveys: mixed networks with planted blunders, and sites for slips.
 
 Mixed networks lie on the Earth, 50 m to 3 km wide, and have directions, zenith angles, distances, height
 differences and components. Their blunders are of so many detectable sigmas: f sigma / sqrt(r).
@@ -36,7 +36,6 @@ CONTROLLED = 0.1
 """Redundancy number from which an observation may get a blunder: others see it."""
 MOST_TURN = 0.5 / GON
 """Gon that a blunder turns an angle, at most: beyond, it comes round."""
-PRISMS = 0.0344, 0.030, 0.0175
 
 
 @dataclass(frozen=True)
@@ -236,9 +235,6 @@ def _sights(
     return readings
 
 
-# Blunders
-
-
 def blunders(
     survey: Survey, random: Random, redundancies: FloatArray, sigmas: FloatArray, count: int, most: float
 ) -> Planted | None:
@@ -262,154 +258,17 @@ def blunders(
     times = 8.0 if most < 5.0 else 5.0 * (most / 5.0) ** random.uniform()
     for row in rows:
         size = times * float(sigmas[row] / np.sqrt(redundancies[row])) * float(random.choice([-1.0, 1.0]))
-        reading = survey.readings[row]
-        if reading.code in ANGLES:
-            size /= GON
-            size = size if abs(size) < MOST_TURN else float(np.sign(size) * random.uniform(3.0, MOST_TURN))
-            if reading.code == ZEN and not 2.0 < reading.value + size < 198.0:
-                return None
-        elif reading.code == DIST and reading.value + size < 1.0:
-            size = abs(size)
-        survey = survey.shifted([row], size)
+        by = _shift(survey.readings[row], size, random)
+        if by is None:
+            return None
+        survey = survey.shifted([row], by)
     return survey, tuple(Fault(survey.places([row])) for row in rows)
 
 
-# Slips
-
-
-def _some(rows: list[int], random: Random) -> list[int]:
-    return [int(random.choice(rows))]
-
-
-def _setup(survey: Survey, random: Random) -> int:
-    return int(random.choice([reading.setup for reading in survey.readings]))
-
-
-def _one(survey: Survey, changed: Survey, rows: list[int], *causes: str) -> Planted:
-    return changed, (Fault(survey.places(rows), causes=frozenset(causes)),)
-
-
-def degrees(survey: Survey, random: Random, *, is_short: bool) -> Planted | None:
-    """A zenith angle in degrees, of a sight below 60 m or above."""
-    lengths = {(r.setup, r.target): r.value for r in survey.readings if r.code == DIST}
-    rows = [
-        row
-        for row in survey.rows(ZEN)
-        if (lengths[survey.readings[row].setup, survey.readings[row].target] < 60.0) == is_short
-    ]
-    if not rows:
-        return None
-    chosen = _some(rows, random)
-    return _one(survey, survey.scaled(chosen, 0.9), chosen, "W100", "units")
-
-
-def degrees_long(survey: Survey, random: Random) -> Planted | None:
-    """A zenith angle in degrees, of a sight of 60 m or more."""
-    return degrees(survey, random, is_short=False)
-
-
-def degrees_short(survey: Survey, random: Random) -> Planted | None:
-    """A zenith angle in degrees, of a sight below 60 m."""
-    return degrees(survey, random, is_short=True)
-
-
-def elevation(survey: Survey, random: Random) -> Planted:
-    """An elevation written for a zenith angle."""
-    chosen = _some(survey.rows(ZEN), random)
-    made = survey.changed(chosen, lambda reading: replace(reading, value=100.0 - reading.value))
-    return _one(survey, made, chosen, "W103", "elevation for zenith angle")
-
-
-def face(survey: Survey, random: Random) -> Planted:
-    """A direction read in the other face."""
-    chosen = _some(survey.rows(HZ), random)
-    return _one(survey, survey.shifted(chosen, 200.0), chosen, "W102", "sense or sign", "mistyped")
-
-
-def feet(survey: Survey, random: Random) -> Planted:
-    """A distance in feet."""
-    chosen = _some(survey.rows(DIST), random)
-    return _one(survey, survey.scaled(chosen, 1.0 / 0.3048), chosen, "W106", "units")
-
-
-def digit(survey: Survey, random: Random) -> Planted:
-    """One digit of a distance, 5 cm off or more."""
-    chosen = _some(survey.rows(DIST), random)
-    value = survey.readings[chosen[0]].value
-    unit = float(random.choice([unit for unit in (0.1, 1.0, 10.0, 100.0) if unit < value]))
-    old = int(value / unit + 1e-9) % 10
-    new = int(random.choice([k for k in range(10) if k != old and value + (k - old) * unit > 2.0]))
-    return _one(survey, survey.shifted(chosen, (new - old) * unit), chosen, "W109", "mistyped")
-
-
-def target(survey: Survey, random: Random) -> Planted | None:
-    """All readings of one sight under the name of another point."""
-    setup = _setup(survey, random)
-    own = [reading for reading in survey.readings if reading.setup == setup]
-    free = sorted(set(survey.coordinates) - {reading.target for reading in own} - {own[0].origin})
-    if not free:
-        return None
-    name, other = str(random.choice([reading.target for reading in own])), str(random.choice(free))
-    rows = survey.rows(HZ, ZEN, DIST, setup=setup, target=name)
-    made = survey.changed(rows, lambda reading: replace(reading, target=other))
-    return _one(survey, made, rows, "W118", "wrong point", "names swapped")
-
-
-def circle(survey: Survey, random: Random) -> Planted | None:
-    """A circle that turned in the middle of a set-up."""
-    rows = survey.rows(HZ, setup=_setup(survey, random))
-    if len(rows) < 5:
-        return None
-    at = int(random.integers(2, len(rows) - 2))
-    turn = float(random.uniform(0.05, 100.0) * random.choice([-1.0, 1.0]))
-    made, (fault,) = _one(survey, survey.shifted(rows[at:], turn), rows[at:], "S120", "new set-up")
-    return made, (replace(fault, alike=(survey.places(rows[:at]),)),)
-
-
-def height(survey: Survey, random: Random) -> Planted:
-    """The height of an instrument left out."""
-    setup = _setup(survey, random)
-    rows = survey.rows(HZ, ZEN, DIST, setup=setup)
-    made = survey.changed(rows, lambda reading: replace(reading, origin_height=0.0))
-    return _one(survey, made, survey.rows(ZEN, DIST, setup=setup), "W114", "height of instrument or target")
-
-
-def constant(survey: Survey, random: Random) -> Planted:
-    """A constant on the distances of the second file."""
-    rows = survey.rows(DIST, file=1)
-    by = float(random.choice(PRISMS) * random.choice([-1.0, 1.0]))
-    return _one(survey, survey.shifted(rows, by), rows, "S150", "constant or scale of distances")
-
-
-def scale(survey: Survey, random: Random) -> Planted:
-    """A scale on the distances of the second file."""
-    rows = survey.rows(DIST, file=1)
-    factor = 1.0 + float(random.uniform(150e-6, 600e-6) * random.choice([-1.0, 1.0]))
-    return _one(survey, survey.scaled(rows, factor), rows, "S151", "constant or scale of distances")
-
-
-def known(survey: Survey, random: Random) -> Planted:
-    """One digit of a known coordinate, of centimetres or of metres."""
-    name, axis = str(random.choice(survey.known)), int(random.integers(3))
-    given = list(survey.coordinates[name])
-    unit = float(random.choice([0.1, 10.0]))
-    old = int(given[axis] / unit + 1e-9) % 10
-    given[axis] += unit * (int(random.choice([k for k in range(10) if k != old])) - old)
-    made = replace(survey, coordinates={**survey.coordinates, name: tuple(given)})
-    return made, (Fault(points=frozenset({f"{name} {'xyz'[axis]}"}), causes=frozenset({"W109", "mistyped"})),)
-
-
-SLIPS: dict[str, Callable[[Survey, Random], Planted | None]] = {
-    "degrees, long sights": degrees_long,
-    "degrees, short sights": degrees_short,
-    "elevation": elevation,
-    "other face": face,
-    "feet": feet,
-    "one digit": digit,
-    "target": target,
-    "circle": circle,
-    "height left out": height,
-    "constant of a file": constant,
-    "scale of a file": scale,
-    "known coordinate": known,
-}
+def _shift(reading: Reading, size: float, random: Random) -> float | None:
+    """By how much a blunder (m or rad) moves a reading, in its unit; None where it is seen at once."""
+    if reading.code in ANGLES:
+        by = size / GON
+        by = by if abs(by) < MOST_TURN else float(np.sign(by) * random.uniform(3.0, MOST_TURN))
+        return by if reading.code != ZEN or 2.0 < reading.value + by < 198.0 else None
+    return abs(size) if reading.code == DIST and reading.value + size < 1.0 else size

@@ -271,15 +271,20 @@ def failure(folder: Path, seed: int, adjusts: float, counts: Counter[str]) -> st
     return judged(f"seed {seed}", lambda: outcome(folder, seed, adjusts), counts)
 
 
-def main() -> int:
-    """Run the cases, print failures and counts; 1 when something failed."""
+def asked() -> argparse.Namespace:
+    """What the command line asks for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--start", type=int, default=0, help="first seed (%(default)s)")
     parser.add_argument("--count", type=int, default=2000, help="how many cases (%(default)s)")
     parser.add_argument("--adjust", type=float, default=1.0, help="share of networks to adjust (%(default)s)")
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Run the cases, print failures and counts; 1 when something failed."""
+    options = asked()
     counts: Counter[str] = Counter()
     logging.disable(logging.WARNING)  # gross errors are announced, and mutations are little else
     begin = time.perf_counter()

@@ -47,7 +47,7 @@ def _use(kernel: "Kernel") -> None:
     kind_of_formula(kernel)
 
 
-def _names(path: Path) -> Mapping[str, Any]:
+def _names(path: Path) -> Mapping[str, object]:
     """What a file defines, once it is run."""
     try:
         compile(read_bytes(path), str(path), "exec")
@@ -63,7 +63,7 @@ def _names(path: Path) -> Mapping[str, Any]:
         raise InputError(f"{_place(path, error)}: it cannot be run: {what}") from error
 
 
-def _classes(path: Path, names: Mapping[str, Any]) -> list[type]:
+def _classes(path: Path, names: Mapping[str, object]) -> list[type]:
     """The formulas that the file itself defines."""
     own = [
         value

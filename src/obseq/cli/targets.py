@@ -3,7 +3,7 @@
 import argparse
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.cli import targets_find
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number
@@ -152,7 +152,9 @@ def draw_sheets(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _sheets(spec: "Specification", names: list[str], kind: str, arguments: Any) -> dict[Path, str | bytes]:
+def _sheets(
+    spec: "Specification", names: list[str], kind: str, arguments: argparse.Namespace
+) -> dict[Path, str | bytes]:
     from obseq.targets.drawings import draw
     from obseq.targets.pictures import png_bytes
     from obseq.targets.sheets import pdf_bytes, svg_text

@@ -252,12 +252,14 @@ def simulate(arguments: argparse.Namespace) -> int:
 
 
 def _camera(arguments: argparse.Namespace) -> "Camera":
+    import numpy as np
+
     from obseq.images import Camera
 
     width, height = arguments.size
-    middle = [(width - 1) / 2, (height - 1) / 2]
+    middle = np.array([(width - 1) / 2, (height - 1) / 2])
     distortion = {"K1": arguments.distortion} if arguments.distortion else {}
-    return Camera("simulated", width, height, arguments.focal, middle, distortion=distortion)  # type: ignore[arg-type]
+    return Camera("simulated", width, height, arguments.focal, middle, distortion=distortion)
 
 
 def _truth_text(truths: "Mapping[str, list[Truth]]") -> str:

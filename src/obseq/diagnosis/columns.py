@@ -63,8 +63,7 @@ class Columns:
         weights[alone] = 1.0 - linear.leverages[self.matrix.indices[self.matrix.indptr[alone]]]
         local = np.flatnonzero((entries > 1) & self.is_local)
         if local.size:
-            rows: Any = linear.rows
-            through = rows.T @ self.matrix[:, local]
+            through = cast("Any", linear.rows).T @ self.matrix[:, local]
             weights[local] = (
                 1.0 - np.asarray((linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
             )

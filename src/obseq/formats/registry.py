@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.formats.catalogue import Role, format_of, listing
@@ -15,7 +15,7 @@ from obseq.printable import printable
 from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.formats.catalogue import Format
 
@@ -41,14 +41,14 @@ def read_project(paths: str | Path | Sequence[str | Path], reading: Reading = DE
         raise InputError("read_project: name a file")
     require_distinct(named)
     found = _format_of_project(named[0])
-    project: Project = reader_of(found)(named, reading)
-    return project
+    return reader_of(found)(named, reading)
 
 
-def reader_of(found: Format) -> Any:
+def reader_of(found: Format) -> Callable[..., Project]:
     """What reads files of a format, which is loaded here."""
     module, _, name = found.reader.partition(":")
-    return getattr(import_module(f"obseq.formats.{module}"), name)
+    reader: Callable[..., Project] = getattr(import_module(f"obseq.formats.{module}"), name)
+    return reader
 
 
 def _format_of_project(path: Path) -> Format:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import field
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,7 @@ from obseq.images.control import ControlPoints
 from obseq.images.given import rows_of, sigmas_of
 from obseq.images.measure_checks import check_frames, check_known, check_pair
 from obseq.images.measures import ImagePoints
-from obseq.images.names import are_among, as_names, index_of, no_parameter
+from obseq.images.names import are_among, as_names, expression, index_of, no_parameter
 from obseq.images.parts import (
     Approximations,
     Instruments,
@@ -29,6 +28,7 @@ from obseq.images.poses import Poses
 from obseq.leastsquares.problem.arguments import finite
 
 if TYPE_CHECKING:
+    import re
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike
@@ -377,18 +377,6 @@ class Block:
         It changes the way to the solution and nothing in it: it is no observation (MMVII's `PoseVisc` is).
         """
         self.viscosity = (centre, rotation)
-
-
-def expression(pattern: str) -> re.Pattern[str]:
-    """A regular expression.
-
-    Raises:
-        InputError: it is none.
-    """
-    try:
-        return re.compile(pattern)
-    except (re.error, TypeError) as error:
-        raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
 
 
 def _weighed(part: MeasureSet, weighting: Weighting | None) -> MeasureSet:

@@ -35,9 +35,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.images.model import CameraModel
-    from obseq.images.poses import Poses
     from obseq.kernels import Calculator
     from obseq.kernels.loading import Kernel
 
@@ -344,29 +343,6 @@ class Camera:
 def _coefficient_names(model: str) -> tuple[str, ...]:
     """Names of the coefficients of a distortion, in the order of the equation."""
     return calculator(f"EqDist_{model}").observations
-
-
-def are_in_front(
-    cameras: Sequence[Camera], poses: Poses, image: IntArray, coordinates: FloatArray, point: IntArray
-) -> BoolArray:
-    """(n,) whether points are where the projection of their camera is defined.
-
-    Args:
-        cameras: camera of each image.
-        poses: of the images.
-        image: (n,) image of each measure.
-        coordinates: (k, 3) of the points, in the world.
-        point: (n,) point of each measure.
-    """
-    axes = poses.rotations[:, :, 2]
-    depths = np.negative(np.einsum("ki,ki->k", poses.centres, axes)).take(image)
-    for k in range(3):
-        depths += coordinates[:, k].take(point) * axes[:, k].take(image)
-    seen = depths > 0.0
-    for row in np.flatnonzero(~seen):  # in front, every projection is defined; behind, some are
-        local = (coordinates[point[row]] - poses.centres[image[row]]) @ poses.rotations[image[row]]
-        seen[row] = cameras[image[row]].is_in_front(local[None])[0]
-    return np.asarray(seen)
 
 
 def _solve_each(matrices: FloatArray, right: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import numbers
+import re
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -122,3 +123,15 @@ def are_among(names: Sequence[str], others: Iterable[str]) -> BoolArray:
     if not known:
         return np.zeros(len(names), dtype=bool)
     return np.array([name in known for name in names], dtype=bool)
+
+
+def expression(pattern: str) -> re.Pattern[str]:
+    """A regular expression.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        return re.compile(pattern)
+    except (re.error, TypeError) as error:
+        raise InputError(f"{pattern!r} is not a regular expression: {error}") from None

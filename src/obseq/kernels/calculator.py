@@ -58,7 +58,7 @@ class Calculator:
         self.observations = kernel.observations
         self.residuals = kernel.residuals
 
-    def __reduce__(self) -> tuple[Any, tuple[Kernel]]:
+    def __reduce__(self) -> tuple[type["Calculator"], tuple[Kernel]]:
         """By its kernel: addresses are those of one process."""
         return Calculator, (self.kernel,)
 

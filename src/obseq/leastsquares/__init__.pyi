@@ -45,8 +45,8 @@ from .statistics.ellipses import error_ellipsoids as error_ellipsoids
 from .statistics.ellipses import relative_precision as relative_precision
 from .statistics.hypothesis_tests import GlobalTest as GlobalTest
 from .statistics.hypothesis_tests import global_test as global_test
+from .statistics.observation_reliability import ObservationReliability as ObservationReliability
 from .statistics.reliability import LeftOut as LeftOut
-from .statistics.reliability import ObservationReliability as ObservationReliability
 from .statistics.reliability import Reliability as Reliability
 from .statistics.reliability import reliability as reliability
 from .statistics.snooping import Rejection as Rejection

@@ -11,7 +11,7 @@ import json
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 
 from obseq.errors import InputError
 from obseq.project.xml_elements import root_of
@@ -278,7 +278,7 @@ def _from_json(path: Path, data: bytes) -> Tree:
     return _plain(whole, str(path), 0)
 
 
-def _plain(value: Any, where: str, depth: int) -> Tree:
+def _plain(value: object, where: str, depth: int) -> Tree:
     if depth > DEEPEST:
         raise InputError(f"{where}: is nested deeper than {DEEPEST} levels")
     if isinstance(value, str):
@@ -338,7 +338,7 @@ def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def _jsonable(value: Tree) -> Any:
+def _jsonable(value: Tree) -> object:
     if isinstance(value, tuple):
         return value[0] if len(value) == 1 else list(value)
     if isinstance(value, list):

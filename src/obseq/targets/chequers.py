@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.targets.fits import Placed
 from obseq.targets.levels import sampled
-from obseq.targets.measuring import Placed
 from obseq.targets.rings import Reading, Unread, code_of
 
 if TYPE_CHECKING:
     from obseq.arrays import Array, FloatArray, FloatRows
+    from obseq.targets.fits import Fit
     from obseq.targets.levels import Level
-    from obseq.targets.measuring import Fit
     from obseq.targets.specification import Specification
 
 MIDDLE = (0.2, 0.8)

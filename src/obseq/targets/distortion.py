@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import FloatArray, FloatRows
-    from obseq.targets.measuring import Fit
+    from obseq.targets.fits import Fit
 
 RADIAL_PRIOR = 0.1
 """Sigma of k, before anything is measured."""

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
+    from obseq.targets.fits import Fit, Placed
     from obseq.targets.levels import Level
-    from obseq.targets.measuring import Fit, Placed
     from obseq.targets.specification import Specification
 
 LIKE = 0.85

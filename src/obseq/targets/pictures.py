@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from obseq.packages import require
 from obseq.reading.text import check_file
 
 if TYPE_CHECKING:
+    from PIL import Image
+
     from obseq.arrays import Array
 
 LARGEST = 250_000_000
@@ -85,7 +87,7 @@ def _check_size(path: Path, width: int, height: int) -> None:
         raise InputError(f"{path}: {width} x {height} pixels are too few for a target to be seen")
 
 
-def _grey(path: Path, image: Any) -> Array:
+def _grey(path: Path, image: Image.Image) -> Array:
     if image.mode in DEEP:
         return np.asarray(image).astype(np.uint16)
     if image.mode in ("I", "F"):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.targets.fits import Placed
 from obseq.targets.levels import sampled
-from obseq.targets.measuring import Placed
 
 if TYPE_CHECKING:
     from obseq.arrays import Array, BoolArray, FloatArray, FloatRows

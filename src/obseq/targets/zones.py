@@ -9,7 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatRows, IntArray
-    from obseq.targets.measuring import Fit
+    from obseq.targets.fits import Fit
     from obseq.targets.specification import Specification
 
 FEWEST = 3

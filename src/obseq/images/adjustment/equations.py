@@ -11,8 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.images.adjustment.clinometer_equations import ClinometerEquations
 from obseq.images.adjustment.far_points import viewpoints
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
-from obseq.images.block import expression
-from obseq.images.names import are_among, index_of, no_parameter
+from obseq.images.names import are_among, expression, index_of, no_parameter
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray

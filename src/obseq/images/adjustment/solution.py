@@ -14,9 +14,9 @@ from obseq.images.adjustment.far_points import are_far
 from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.adjustment.rigid_equations import residuals_of
 from obseq.images.adjustment.weakness import weakness
-from obseq.images.camera import are_in_front
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
+from obseq.images.visibility import are_in_front
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

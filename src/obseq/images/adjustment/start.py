@@ -11,7 +11,6 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.images.camera import are_in_front
 from obseq.images.control import GivenComponents
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import ROUGH, distant_places, misfit, usual_places
@@ -19,6 +18,7 @@ from obseq.images.initial.units import unit_of_control
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of, numbered
 from obseq.images.poses import Poses
+from obseq.images.visibility import are_in_front
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.verdict import Status
@@ -46,7 +46,7 @@ def diagnosed(
     solution: BundleSolution,
     given: Poses,
     told: Callable[[str], None] = silent,
-    **options: Any,
+    **options: object,
 ) -> DiagnosisRecord | None:
     """What is wrong with an adjusted block; None where nothing can tell, or the block is too large to look.
 
@@ -103,7 +103,7 @@ def single_errors(block: AdjustableBlock, solution: BundleSolution, measures: in
 
 
 def _of_good(
-    subject: Subject, found: DiagnosisRecord, told: Callable[[str], None], options: dict[str, Any]
+    subject: Subject, found: DiagnosisRecord, told: Callable[[str], None], options: dict[str, object]
 ) -> DiagnosisRecord:
     """What residuals of a block that fits do not show: poses of other images, units, sizes of images."""
     assert subject.solution is not None

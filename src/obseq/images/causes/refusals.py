@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,7 +43,7 @@ MOST_LOST = 3
 
 @contextmanager
 def explained(
-    block: AdjustableBlock, told: Callable[[str], None] | None = None, **options: Any
+    block: AdjustableBlock, told: Callable[[str], None] | None = None, **options: object
 ) -> Iterator[None]:
     """Errors of a block that its measures leave undetermined, or contradict, say what explains them.
 
@@ -69,7 +69,7 @@ def _say(error: ObseqError, found: DiagnosisRecord | None) -> None:
 
 
 def _of_no_solution(
-    subject: Subject, told: Callable[[str], None], options: dict[str, Any]
+    subject: Subject, told: Callable[[str], None], options: dict[str, object]
 ) -> DiagnosisRecord | None:
     tries = Tries(subject, told, options)
     if fits := tries.best():

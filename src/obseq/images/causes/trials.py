@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.diagnosis.explanation import accepted
@@ -75,7 +75,7 @@ def may_be_shared(left: float, redundancy: int) -> bool:
 class Tries:
     """Adjustments of changed blocks."""
 
-    def __init__(self, subject: Subject, told: Callable[[str], None], options: dict[str, Any]) -> None:
+    def __init__(self, subject: Subject, told: Callable[[str], None], options: dict[str, object]) -> None:
         self._subject, self._told, self._options = subject, told, options
 
     def best(self, causes: Sequence[SharedCause] = SHARED) -> list[Fit]:

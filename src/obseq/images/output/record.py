@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def _normalised(solution: BundleSolution) -> FloatArray:
 def _cameras(solution: BundleSolution, precisions: bool) -> Iterator[CameraRecord]:
     fits = solution.by_camera()
     for row, (name, camera) in enumerate(solution.cameras.items()):
-        sigmas: dict[str, Any] = solution.camera_precisions(name) if precisions else {}
+        sigmas: dict[str, float] = solution.camera_precisions(name) if precisions else {}
         correlations = solution.camera_correlations(name).tolist() if precisions else None
         yield CameraRecord(
             name,
@@ -147,17 +147,18 @@ def _images(solution: BundleSolution, precisions: bool) -> Iterator[ImageRecord]
     poses, fits = solution.poses, solution.by_image()
     quaternions, angles = poses.attitudes("quaternion"), poses.attitudes("opk")
     n = len(poses)
-    centres: list[Any] = [None] * n
-    turns: list[Any] = [None] * n
+    centres: list[tuple[float, ...] | None] = [None] * n
+    turns: list[tuple[float | None, ...] | None] = [None] * n
     if precisions:
-        centres = np.sqrt(np.diagonal(solution.centre_covariances, axis1=1, axis2=2)).tolist()
+        variances = np.diagonal(solution.centre_covariances, axis1=1, axis2=2)
+        centres = [tuple(row) for row in np.sqrt(variances).tolist()]
         turns = [_finite(row) for row in solution.attitude_precisions("opk")]
     for k in range(n):
         yield ImageRecord(
             poses.images[k],
             poses.cameras[k],
             tuple(poses.centres[k].tolist()),
-            centres[k] and tuple(centres[k]),
+            centres[k],
             tuple(quaternions[k].tolist()),
             tuple(angles[k].tolist()),
             turns[k],
@@ -177,9 +178,10 @@ def _points(solution: BundleSolution, precisions: bool) -> Iterator[BlockPointRe
     fits, control = solution.by_point(), solution.start.is_control
     shifts = solution.coordinates - solution.start.coordinates
     upper = np.triu_indices(3)
-    covariances: list[Any] = [None] * len(solution.points)
+    covariances: list[tuple[float, ...] | None] = [None] * len(solution.points)
     if precisions:
-        covariances = solution.point_covariances[:, upper[0], upper[1]].tolist()
+        rows = solution.point_covariances[:, upper[0], upper[1]].tolist()
+        covariances = [tuple(row) for row in rows]
     for k, name in enumerate(solution.points):
         x, y, z = solution.coordinates[k].tolist()
         yield BlockPointRecord(
@@ -188,7 +190,7 @@ def _points(solution: BundleSolution, precisions: bool) -> Iterator[BlockPointRe
             x,
             y,
             z,
-            covariances[k] and tuple(covariances[k]),
+            covariances[k],
             int(fits.counts[k]),
             float(fits.rms[k]),
             tuple(shifts[k].tolist()) if control[k] else None,

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.leastsquares import Batch
     from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
+    from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
+    from obseq.leastsquares.statistics.reliability import Reliability
 
     Tested = ObservationReliability[Batch | Prior]
 

@@ -141,3 +141,17 @@ def evaluate_members(
 
     arrays = BatchArrays(shape.n_unknowns, shape.n_residuals, shape.first_row, *members)
     evaluate(kernel, tile, arrays, Span(0, n), present, len(results), results)
+
+
+def why_not_finite(table: UnknownTable, batches: Sequence[Batch]) -> str:
+    """What to tell of equations that are not finite: the first observation without a number."""
+    for batch in batches:
+        rows = jacobian_rows(table, batch)
+        wrong = np.flatnonzero(~np.isfinite(rows).all(axis=0) & batch.active)
+        if wrong.size:
+            more = f" ({wrong.size} observations of the batch are so)" if wrong.size > 1 else ""
+            return (
+                f"{batch.label(wrong[0])}: the residual or its derivatives are not finite{more}. "
+                "The equation is undefined there: correct the initial values, or remove the observation"
+            )
+    return "the normal equations overflow: check the sigmas and the units of the observations"

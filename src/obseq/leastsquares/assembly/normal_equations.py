@@ -21,6 +21,7 @@ from obseq.leastsquares.assembly.evaluation import (
     used_blocks,
     whitened,
     whitened_residual_rows,
+    why_not_finite,
 )
 from obseq.leastsquares.assembly.linearisation import Linearisation, SolvedLinearisation
 from obseq.leastsquares.assembly.prior_rows import PriorRows
@@ -184,7 +185,7 @@ class NormalEquations:
         self._clean()
         for batch, total in zip(self.batches, self._added_up(), strict=True):
             if not math.isfinite(total):
-                raise DivergenceError(self._explain(batch))
+                raise DivergenceError(why_not_finite(self.table, [batch]))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         values, gradient = self._matrix_and_gradient()
         self._is_clean = True
@@ -214,7 +215,7 @@ class NormalEquations:
         if self._elimination:
             eliminated = self._elimination.eliminate(self._store, gradient, damping)
         if not (are_finite(gradient) and are_finite(values)):
-            raise DivergenceError(self._explain(*self.batches))
+            raise DivergenceError(why_not_finite(self.table, self.batches))
         return Linearisation(values, gradient, whole.squares, eliminated, damping, whole.diagonal)
 
     def _clean(self) -> None:
@@ -267,7 +268,7 @@ class NormalEquations:
             ]
         for batch, total in zip(self.batches, totals, strict=True):
             if not math.isfinite(total):
-                raise DivergenceError(self._explain(batch))
+                raise DivergenceError(why_not_finite(self.table, [batch]))
             squares[batch.group] = squares.get(batch.group, 0.0) + total
         for prior in self.priors:
             squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
@@ -377,18 +378,6 @@ class NormalEquations:
             if self._elimination:
                 none = np.zeros_like(viscosity.weights)
                 self._elimination.add(self._store, viscosity.scalars, viscosity.weights, none)
-
-    def _explain(self, *batches: Batch) -> str:
-        for batch in batches:
-            rows = jacobian_rows(self.table, batch)
-            wrong = np.flatnonzero(~np.isfinite(rows).all(axis=0) & batch.active)
-            if wrong.size:
-                more = f" ({wrong.size} observations of the batch are so)" if wrong.size > 1 else ""
-                return (
-                    f"{batch.label(wrong[0])}: the residual or its derivatives are not finite{more}. "
-                    "The equation is undefined there: correct the initial values, or remove the observation"
-                )
-        return "the normal equations overflow: check the sigmas and the units of the observations"
 
 
 def _count(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 from weakref import WeakMethod
@@ -11,9 +10,11 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.leastsquares.problem.arguments import finite, plain, texts, whole
+from obseq.leastsquares.problem.arguments import finite, plain
+from obseq.leastsquares.problem.block_names import BlockNames
+from obseq.leastsquares.problem.components import called, component_number
 from obseq.leastsquares.problem.growing import GrowingArray
-from obseq.leastsquares.problem.manifolds import MANIFOLDS, CurvedBlocks
+from obseq.leastsquares.problem.manifolds import CurvedBlocks
 from obseq.leastsquares.problem.owner import Owner
 from obseq.leastsquares.problem.perspective import Perspective
 
@@ -49,8 +50,8 @@ class UnknownTable:
     def __init__(self) -> None:
         self.names: list[str] = []
         self.owner = Owner()
-        self.manifolds: list[Manifold] = list(MANIFOLDS)
-        self._ids: list[dict[str, int]] = [{} for _ in MANIFOLDS]
+        self._known = BlockNames()
+        self.manifolds = self._known.manifolds
         self._kind = GrowingArray(np.int64)
         self._start = GrowingArray(np.int64)
         self._size = GrowingArray(np.int64)
@@ -155,8 +156,8 @@ class UnknownTable:
     ) -> IntArray:
         """Adds blocks of one kind with their values (n, ...) and the names of their components; their ids."""
         self.owner.check()
-        kind = self._kind_of(manifold)
-        ids = self._numbered(kind, names)
+        kind = self._known.kind_of(manifold)
+        ids = self._known.numbered(kind, names, len(self))
         unknowns, context = manifold.split(manifold.checked(values, names, what))
         before = self._lengths()
         try:
@@ -164,18 +165,6 @@ class UnknownTable:
         except BaseException:  # interrupted: no column is longer than another
             self._cut(before)
             raise
-
-    def _kind_of(self, manifold: Manifold) -> int:
-        """The number of a kind, which is added when it is new."""
-        for number, known in enumerate(self.manifolds):
-            if known is manifold:  # to compare all that is said of them takes ten times as long
-                return number
-        if manifold not in self.manifolds:
-            if any(manifold.label.upper() == known.label.upper() for known in self.manifolds):
-                raise InputError(f"another kind of unknown is called {manifold.label!r} already")
-            self._ids.append({})
-            self.manifolds.append(manifold)
-        return self.manifolds.index(manifold)
 
     def _extended(
         self,
@@ -186,7 +175,7 @@ class UnknownTable:
         components: tuple[str, ...],
     ) -> IntArray:
         first, (n, size), width = len(self), values.shape, context.shape[1]
-        self._ids[kind].update(ids)
+        self._known.add(kind, ids)
         self.names.extend(ids)
         self._components.append(components)
         self._kind.extend(np.full(n, kind))
@@ -219,40 +208,15 @@ class UnknownTable:
     def _cut(self, lengths: tuple[int, ...]) -> None:
         """Takes away what was added since the table had these lengths."""
         n, families, *others = lengths
-        for known in self._ids:
-            for name in [name for name, block in known.items() if block >= n]:
-                del known[name]
+        self._known.cut(n)
         del self.names[n:], self._components[families:]
         self._curved = (0, [])
         for column, length in zip(self._columns(), others, strict=True):
             column.cut(length)
 
-    def _numbered(self, kind: int, names: Sequence[str]) -> dict[str, int]:
-        """The ids that new blocks of a kind shall have, by name; the names must all be new, and different."""
-        known, first = self._ids[kind], len(self)
-        ids = dict(zip(names, range(first, first + len(names)), strict=True))
-        if len(ids) != len(names) or not known.keys().isdisjoint(ids.keys()):
-            counts = Counter(names)
-            repeated = next(name for name in names if name in known or counts[name] > 1)
-            label = self.manifolds[kind].label
-            raise InputError(f"the {label} {repeated!r} is there twice: give each one its own name")
-        return ids
-
     def find(self, names: Sequence[str], label: str) -> IntArray:
         """Ids of blocks of one kind by name; the kind by its label, in any case."""
-        kind = self._kind_called(label)
-        what, known = self.manifolds[kind].label, self._ids[kind]
-        try:
-            return np.array([known[name] for name in texts(names, f"names of {what}")], dtype=np.int64)
-        except KeyError as error:
-            raise InputError(f"no {what} is called {error.args[0]!r}") from None
-
-    def _kind_called(self, label: str) -> int:
-        labels = [manifold.label for manifold in self.manifolds]
-        upper = [known.upper() for known in labels]
-        if not isinstance(label, str) or label.upper() not in upper:
-            raise InputError(f"no kind of unknown is called {label!r}; there are {', '.join(labels)}")
-        return upper.index(label.upper())
+        return self._known.find(names, label)
 
     def checked(self, ids: ArrayLike, what: str) -> IntArray:
         """Ids as a 1-D int64 array; an error when one of them is no block."""
@@ -311,11 +275,11 @@ class UnknownTable:
         if components is None:
             return self.scalars(array, what)
         known = self.components(int(array[0]))
-        if isinstance(components, str) and any(components in _called(name) for name in known):
+        if isinstance(components, str) and any(components in called(name) for name in known):
             components = (components,)
         if not isinstance(components, Iterable):
             raise InputError(f"{what}: a list of components is wanted, not {components!r}")
-        chosen = [_component(known, component, size, what) for component in components]
+        chosen = [component_number(known, component, size, what) for component in components]
         return np.asarray(self.start[array][:, None] + np.array(chosen, dtype=np.int64))
 
     def set_frozen(self, ids: ArrayLike, components: Sequence[str | int] | None, frozen: bool) -> None:
@@ -411,21 +375,3 @@ class UnknownTable:
         if count < moved.size:
             small, places = small[moved], places[moved]
         self._context.view[places] = blocks.manifold.moved(self._context.view[places], small)
-
-
-def _component(known: tuple[str, ...], component: str | int, size: int, what: str) -> int:
-    """Number of a component given by name or by number."""
-    if isinstance(component, str):
-        for number, name in enumerate(known):
-            if component in _called(name):
-                return number
-        raise InputError(f"{what}: no component {component!r}; there are {', '.join(known)}")
-    number = whole(component, f"{what}, component")
-    if not 0 <= number < size:
-        raise InputError(f"{what}: no component {number}; they go from 0 to {size - 1}")
-    return number
-
-
-def _called(component: str) -> tuple[str, str]:
-    """What a component may be called: `rotation.x`, or `x`."""
-    return component, component.rpartition(".")[2]

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.joint_tests import JointTest
-    from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
+    from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
+    from obseq.leastsquares.statistics.reliability import Reliability
 
     Part: TypeAlias = ObservationReliability[Batch | Prior]
 

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Batch, LeastSquaresResult, Prior
     from obseq.leastsquares.statistics.effects import Effects
     from obseq.leastsquares.statistics.ellipses import RelativePrecision
-    from obseq.leastsquares.statistics.reliability import ObservationReliability, Reliability
+    from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
+    from obseq.leastsquares.statistics.reliability import Reliability
     from obseq.leastsquares.statistics.snooping import Snooping
     from obseq.leastsquares.statistics.variance_components import VarianceComponents
     from obseq.survey.adjustment.equations import Equations

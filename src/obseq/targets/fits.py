@@ -1,0 +1,94 @@
+"""Where a drawing lies in an image, and what the least squares of it gives."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, FloatRows
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """How a drawing lies in an image.
+
+    Attributes:
+        centre: (2,) image of the centre of the figure, pixels.
+        matrix: (2, 2) images of the unit vectors, pixels.
+        perspective: (2,) as in `DeformImHomography`, 1/unit.
+        sigma: of the point spread, pixels.
+        bend: (2,) likewise, 1/pixel.
+    """
+
+    centre: FloatArray
+    matrix: FloatRows
+    perspective: FloatArray
+    sigma: float
+    bend: FloatArray
+
+    @property
+    def unit(self) -> float:
+        """Pixels of a unit, the mean of both directions."""
+        return math.sqrt(abs(float(np.linalg.det(self.matrix))))
+
+    @property
+    def smallest(self) -> float:
+        """Pixels of a unit in the direction in which it is shortest."""
+        return float(np.linalg.svd(self.matrix, compute_uv=False)[-1])
+
+    def pixels(self, places: FloatRows) -> FloatRows:
+        """(n, 2) where places of the drawing (n, 2), units, are seen."""
+        away = places @ self.matrix.T / (1.0 + places @ self.perspective)[:, None]
+        bent: FloatRows = (away * away).sum(axis=1)[:, None] * self.bend
+        return self.centre + away + bent
+
+    def turned(self, turn: FloatRows) -> Placed:
+        """The same for a drawing that is turned: its place m is where `turn @ m` was."""
+        return Placed(self.centre, self.matrix @ turn, self.perspective @ turn, self.sigma, self.bend)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What the least squares of a drawing gives.
+
+    Attributes:
+        placed: where the drawing lies.
+        joint: (4, 4) covariance of bend and centre.
+        sigma0: of the grey levels, from the residuals.
+        likeness: share of the grey variance that the drawing explains.
+        gain: grey levels between sheet and ink, in the middle; negative for black ink.
+        offset: grey level of the sheet in the middle.
+        places: (n, 2) of the drawing, of the pixels that count.
+        residuals: (n,) drawing minus image, in parts of the gain.
+        n_pixels: their number.
+    """
+
+    placed: Placed
+    joint: FloatRows
+    sigma0: float
+    likeness: float
+    gain: float
+    offset: float
+    places: FloatRows
+    residuals: FloatArray
+
+    def likeness_with(self, noise: float) -> float:
+        """The share of the variance that the drawing explains, of what noise (grey levels) does not."""
+        left, noise = self.sigma0**2, min(noise, self.sigma0) ** 2
+        whole = left / max(1.0 - self.likeness, 1e-12)
+        return 1.0 - (left - noise) / (whole - noise) if whole > 2.0 * noise else self.likeness
+
+    @property
+    def covariance(self) -> FloatRows:
+        """(2, 2) of the centre, pixels squared."""
+        return self.joint[2:, 2:]
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of the pixels that count."""
+        return len(self.residuals)
