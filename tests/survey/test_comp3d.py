@@ -252,5 +252,5 @@ def test_something_else_is_no_project(tmp_path):
     with pytest.raises(InputError, match="is not a Comp3D project"):
         Network.read_project(tmp_path / "n.comp")
     (tmp_path / "n.txt").write_text("hello")
-    with pytest.raises(InputError, match=r"end in \.comp"):
+    with pytest.raises(InputError, match=r"format is not known; .*Comp3D \(\.comp\)"):
         Network.read_project(tmp_path / "n.txt")
