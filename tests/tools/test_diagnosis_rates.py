@@ -15,7 +15,7 @@ from diagnosis_verdicts import Fault, Found, Place, has_cause, verdict_of  # noq
 
 RATES = json.loads((TOOLS / "diagnosis.json").read_text("utf-8"))
 SEEDS = 2
-"""Of each class: others than those of the committed rates, which begin at 1000."""
+"""Of each class: others than those of the committed rates, which begin at 1000 and beyond."""
 UNLIKELY = 0.01
 """Probability of so few right ones, where the rate is what was measured, below which a class has lost."""
 
