@@ -242,7 +242,7 @@ class Book:
         if not len(self._columns):
             passed = "; ".join(self._told())
             raise InputError(f"{', '.join(self._columns.files)}: no sight is in it. {passed}".strip())
-        names = list(dict.fromkeys([*self._places, *self._columns.names]))
+        names = list(self._columns.names)
         unknown = (math.nan, math.nan, math.nan)
         places = np.array([self._places.get(name, unknown) for name in names]).reshape(-1, 3)
         sigmas = np.full_like(places, np.nan)
@@ -260,12 +260,18 @@ class Book:
         )
 
     def _told(self) -> Iterator[str]:
-        files = ", ".join(self._columns.files)
-        first = len(self._places) - len(self._held)
-        if first:
-            yield f"{files}: coordinates of {first} points are first values, no known ones"
-        if self._held:
-            yield f"{files}: {len(self._held)} control points are held: {listed(sorted(self._held), SHOWN)}"
+        files, seen = ", ".join(self._columns.files), self._columns.names.keys()
+        placed = self._places.keys() & seen
+        held = sorted(self._held & seen)
+        if placed - self._held:
+            count = len(placed - self._held)
+            yield f"{files}: coordinates of {count} points are first values, no known ones"
+        if held:
+            yield f"{files}: {len(held)} control points are held: {listed(held, SHOWN)}"
+        if len(placed) < len(self._places):
+            unseen = listed([name for name in self._places if name not in seen], SHOWN)
+            count = len(self._places) - len(placed)
+            yield f"{files}: {count} points with coordinates that nothing observes have no part: {unseen}"
         for what, places in self._left_out.items():
             yield f"{len(places)} {what} are left out: {listed(places, SHOWN)}"
 

@@ -90,14 +90,18 @@ def _second_directions(book: FieldBook, directions: BoolArray, turned: BoolArray
     """(n,) which directions are of the second face."""
     rows = book.observations
     zeniths = np.flatnonzero(rows.types == ZEN.code).tolist()
-    on_lines = {_line(book, row): bool(turned[row]) for row in zeniths}
+    on_lines: dict[tuple[int, ...], list[bool]] = defaultdict(list)
+    for row in zeniths:
+        on_lines[_line(book, row)].append(bool(turned[row]))
+    met: dict[tuple[int, ...], int] = defaultdict(int)
     second = np.zeros(len(rows), np.bool_)
     sights: dict[tuple[int, int], list[int]] = defaultdict(list)
     known: dict[int, bool] = {}
     for row in np.flatnonzero(directions).tolist():
-        face = on_lines.get(_line(book, row))
-        if face is not None:
-            second[row], known[row] = face, face
+        line = _line(book, row)
+        if faces := on_lines.get(line):  # a line of a stream holds several sights of a target
+            second[row] = known[row] = faces[min(met[line], len(faces) - 1)]
+            met[line] += 1
         sights[int(rows.stations[row]), int(rows.to_points[row])].append(row)
     apart: dict[int, list[int]] = defaultdict(list)
     for alike in sights.values():
