@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 HASHES = re.compile(r"formula sha256:(\w+)  text sha256:(\w+)")
@@ -28,9 +29,9 @@ def is_whole(text: str) -> bool:
     return found is not None and found.group(2) == text_hash(text)
 
 
-def sources_hash(folder: Path) -> str:
-    """Hash of the files of the equations in a folder."""
+def sources_hash(files: Iterable[Path]) -> str:
+    """Hash of the files of equations."""
     digest = hashlib.sha256()
-    for path in sorted(folder.glob("*.py")):
+    for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return digest.hexdigest()[:DIGITS]
