@@ -24,7 +24,7 @@ from obseq.codegen.pipeline import shown
 from obseq.codegen.project import Project, find_project
 from obseq.errors import ObseqError
 from obseq.formulas.base import Formula
-from obseq.kernels.index import OWN
+from obseq.module_texts import OWN
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

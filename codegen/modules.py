@@ -12,8 +12,7 @@ from obseq.codegen.kernel_text import Printed
 from obseq.codegen.templating import template
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
-from obseq.kernels.index import formula_files
-from obseq.module_texts import PENDING, sources_hash, text_hash
+from obseq.module_texts import PENDING, formula_files, sources_hash, text_hash
 
 WIDTH = 110
 FROM_MATH = frozenset({"sqrt"})

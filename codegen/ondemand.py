@@ -8,9 +8,9 @@ from obseq.codegen.compiler import derive
 from obseq.codegen.pipeline import generate
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find
-from obseq.kernels.index import OWN
 from obseq.kernels.loading import Kernel, describe
 from obseq.kernels.ondemand import folder, in_memory, write_kept
+from obseq.module_texts import OWN
 
 
 @expecting(formula=instance(Formula, what="a formula, an object of a class derived from Formula"))

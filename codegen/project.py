@@ -21,7 +21,7 @@ from typing import Any
 from obseq.errors import FormulaError, nearest
 from obseq.formulas.base import Formula
 from obseq.formulas.families import find, formula
-from obseq.kernels.index import GROUP, OWN, formula_files
+from obseq.module_texts import GROUP, OWN, formula_files
 
 TABLE = "gencode"
 SETTINGS = "pyproject.toml"

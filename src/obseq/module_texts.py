@@ -1,6 +1,7 @@
-"""What generated modules say of themselves: the hashes of their mathematics and of their text."""
+"""What generated modules say of themselves: the hashes of their mathematics and of their text; their sources."""
 
 import hashlib
+import importlib.util
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,6 +10,9 @@ HASHES = re.compile(r"formula sha256:(\w+)  text sha256:(\w+)")
 PENDING = "pending"
 """What stands for the hash of a text in the text that is hashed."""
 DIGITS = 16
+OWN = "obseq"
+GROUP = "obseq.formulas"
+"""Entry points by which other packages say that they have formulas."""
 
 
 def text_hash(text: str) -> str:
@@ -35,3 +39,15 @@ def sources_hash(files: Iterable[Path]) -> str:
     for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return digest.hexdigest()[:DIGITS]
+
+
+def formula_files(package: str) -> list[Path]:
+    """The files of the equations of a package; none where they are not at hand."""
+    try:
+        spec = importlib.util.find_spec(f"{package}.formulas")
+    except ImportError:
+        return []
+    if spec is None or spec.origin is None:
+        return []
+    origin = Path(spec.origin)
+    return sorted(origin.parent.glob("*.py")) if spec.submodule_search_locations else [origin]

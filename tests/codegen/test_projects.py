@@ -10,6 +10,7 @@ import pytest
 from obseq.codegen.main import main
 from obseq.errors import FormulaError
 from obseq.kernels import formula_names, index, load
+from obseq.module_texts import GROUP
 
 NAMES = iter(f"own{k}" for k in range(100))
 
@@ -48,7 +49,7 @@ def test_the_project_that_one_stands_in_is_taken(
 def test_its_formulas_are_found_by_name(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import importlib.metadata
 
-    point = EntryPoint(project.name, project.name, index.GROUP)
+    point = EntryPoint(project.name, project.name, GROUP)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point])
     index.registered.cache_clear()
     assert load("FitCube").unknowns == ("x", "y")

@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.util
 import logging
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.errors import FormulaError
+from obseq.module_texts import GROUP, OWN
 
 if TYPE_CHECKING:
     from types import ModuleType
 
 LOGGER = logging.getLogger(__name__)
-OWN = "obseq"
-GROUP = "obseq.formulas"
 
 
 class Place(NamedTuple):
@@ -70,18 +67,6 @@ def registered() -> dict[str, Place]:
 def index_of(package: str) -> ModuleType:
     """The index of the generated modules of a package."""
     return importlib.import_module(f"{package}.generated.index")
-
-
-def formula_files(package: str) -> list[Path]:
-    """The files of the equations of a package; none where they are not at hand."""
-    try:
-        spec = importlib.util.find_spec(f"{package}.formulas")
-    except ImportError:
-        return []
-    if spec is None or spec.origin is None:
-        return []
-    origin = Path(spec.origin)
-    return sorted(origin.parent.glob("*.py")) if spec.submodule_search_locations else [origin]
 
 
 def _places(package: str) -> dict[str, Place]:

@@ -14,7 +14,7 @@ import logging
 from pathlib import Path
 
 from obseq.kernels import index
-from obseq.module_texts import formula_hash, sources_hash
+from obseq.module_texts import OWN, formula_files, formula_hash, sources_hash
 from obseq.packages import GENERATOR, missing
 
 LOGGER = logging.getLogger(__name__)
@@ -63,9 +63,9 @@ def _recorded(module: str) -> str:
 @functools.cache
 def _have_sources_changed(package: str) -> bool:
     """Whether files of equations differ from those of the index; those of an installed obseq do not."""
-    if package == index.OWN and checkout() is None:
+    if package == OWN and checkout() is None:
         return False
-    files = index.formula_files(package)
+    files = formula_files(package)
     return bool(files) and sources_hash(files) != index.index_of(package).SOURCES
 
 
