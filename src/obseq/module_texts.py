@@ -1,4 +1,4 @@
-"""What generated modules say of themselves: the hashes of their mathematics and of their text; their sources."""
+"""What generated modules say of themselves: hashes of their mathematics and of their text; their sources."""
 
 import hashlib
 import importlib.util
