@@ -154,13 +154,13 @@ def test_angles_of_rw5_are_read_from_the_backsight(tmp_path):
         tmp_path,
         "a.rw5",
         head
-        + "SS,OPS,FPT,AR100.3000,ZE90.0000,SD100.0\n"
+        + "SS,OPS,FP7,AR100.3000,ZE90.0000,SD100.0\n"
         + "SS,OPS,FPL,AL20.0000,VA10.0000,HD50.0\nSS,OPS,FPD,DR5.0000\n",
     )
     degrees = {ends[2]: values[0] / DEGREE for ends, values in found.items() if ends[0] == "Hz"}
-    assert degrees == pytest.approx({"T": 100.5, "L": 0.0, "D": 195.0, "B": 10.0}, abs=1e-9)
+    assert degrees == pytest.approx({"7": 100.5, "L": 0.0, "D": 195.0, "B": 10.0}, abs=1e-9)
     assert found["Zen", "S", "L"] == [pytest.approx(80 * DEGREE)]
-    assert found["Dist", "S", "T"] == [pytest.approx(30.48)]
+    assert found["Dist", "S", "7"] == [pytest.approx(30.48)]
     assert found["DistHz", "S", "L"] == [pytest.approx(15.24)]
     assert book.observations.from_heights[2] == pytest.approx(1.524)
 
