@@ -20,7 +20,7 @@ def test_an_antenna_is_the_lever_arm_away():
 
 def test_a_line_below_the_middle_is_seen_later():
     # Focal length 1000, 100 above the ground, middle of the image (500, 400), 800 lines. The point below the
-    # camera, in line 600: 600 / 800 - 1/2 = 1/4 of a readout of 0.08 s, at 10 m/s to the east: 0.2 m. Seen from
+    # camera, in line 600: 600 / 800 - 1/2 = 1/4 of a readout of 0.08 s, at 10 m/s to the east: 0.2 m. From
     # there the point is 0.2 m to the west: 2 pixels to the left of the middle.
     rolling = calculator("EqColinearityRolling_Stenope_Dist_Rad3_Dec1_XY1")
     calibration = [1000.0, 500.0, 400.0, *[0.0] * 7]
