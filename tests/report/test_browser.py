@@ -228,7 +228,10 @@ def test_one_selection_goes_through_the_page(report, browser) -> None:
 def test_an_address_selects(report, browser) -> None:
     name = browser.execute_script("return page.content.names[1]")
     browser.get(f"{report.as_uri()}?again#p{name}")
-    wait = "const done = arguments[0]; const look = () => (page ? done(page.selection.point) : setTimeout(look, 20)); look()"
+    wait = (
+        "const [done] = arguments;"
+        "const look = () => (page ? done(page.selection.point) : setTimeout(look, 20)); look()"
+    )
     assert browser.execute_async_script(wait) == 1
     show(browser, report)
 
@@ -251,7 +254,8 @@ def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
     canvas.send_keys("0")
     assert browser.execute_script("return page.plan.scale") == pytest.approx(before[0], rel=1e-6)
     place = browser.execute_script(
-        "const p = page.plan; p.put(); const [, x, y] = p.inside[0]; return [x - p.width / 2, y - p.height / 2]"
+        "const p = page.plan; p.put(); const [, x, y] = p.inside[0];"
+        "return [x - p.width / 2, y - p.height / 2]"
     )
     pointer = ActionChains(browser, duration=STROKE)
     pointer.move_to_element_with_offset(canvas, *map(round, place)).click().perform()
@@ -278,11 +282,12 @@ def test_types_are_switched_on_the_plan(report, browser) -> None:
 def test_names_stand_apart_and_ellipses_within(report, browser) -> None:
     """What is drawn: no two names overlap, and no ellipse of the whole plan leaves it."""
     boxes, ellipses, size = browser.execute_script(
-        "const { plan } = page; plan.fit(); const sheet = new CanvasSheet(plan.context, plan.width, plan.height);"
-        "const [names, rings] = [[], []]; const { text } = sheet;"
-        "sheet.text = (t, x, y, how) => { if (how.halo) names.push([x, y - 10, x + sheet.wide(t, 12, how.weight), y + 2]); };"
-        "const kept = ring; globalThis.rings = rings; plan.put();"
-        "for (const [k, x, y] of plan.inside) rings.push([x, y, (plan.content.major[k] ?? 0) * plan.ellipseScale]);"
+        "const { plan } = page; plan.fit(); plan.put(); const [names, rings] = [[], []];"
+        "const sheet = new CanvasSheet(plan.context, plan.width, plan.height);"
+        "const box = (t, x, y, how) => [x, y - 10, x + sheet.wide(t, 12, how.weight), y + 2];"
+        "sheet.text = (...told) => { if (told[3].halo) names.push(box(...told)); };"
+        "const size = (k) => (plan.content.major[k] ?? 0) * plan.ellipseScale;"
+        "for (const [k, x, y] of plan.inside) rings.push([x, y, size(k)]);"
         "plan.drawNames(sheet); return [names, rings, [plan.width, plan.height]]"
     )
     assert boxes

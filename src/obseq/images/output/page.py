@@ -65,7 +65,7 @@ def shown(record: BundleRecord) -> Page:
         lists,
         printed([*(point.name for point in record.points), *(image.name for image in record.images)]),
         plan(record, block),
-        tables(record, block),
+        tables(record),
         tuple(_sections(record, block)),
         None if record.reliability is None else record.reliability.critical,
         lists[0].items[0].to if lists and lists[0].title == "Suspected errors" else None,
@@ -97,6 +97,8 @@ def _judged(record: BundleRecord) -> tuple[Level, str]:
         return "bad", f"Not usable yet: {what}, then adjust again."
     if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
         return "bad", "Not usable yet: something is wrong, and no single cause explains it."
+    if any(item.is_off for item in record.check_points):
+        return "bad", "Not usable yet: check points are farther off than chance lets them be."
     if record.rejected_shares:
         return (
             "bad",
@@ -260,6 +262,12 @@ def _others(record: BundleRecord, block: BlockArrays) -> Iterator[Finding]:
             f"{counted(len(record.far), 'far point')}",
             name(f"Their direction is determined, their distance is not: {listed(record.far, MOST_NAMES)}."),
         )
+    off = [item.name for item in record.check_points if item.is_off]
+    if off:
+        text = "They are farther from where they should be than chance lets them."
+        yield Finding("bad", name(f"Check points off: {listed(off, MOST_NAMES)}"), text)
+    if record.unchecked:
+        yield Finding("warn", "Check points without a place", name(listed(record.unchecked, MOST_NAMES)))
     if record.weakened:
         yield Finding(
             "info",
@@ -341,6 +349,8 @@ def _facts(record: BundleRecord) -> Iterator[tuple[str, str]]:
     )
     yield "sums of squares", ", ".join(f"{kind} {value:.6g}" for kind, value in record.squares.items())
     yield "sigma0", name(tested(record).strip())
+    if record.frame:
+        yield "frame", name(record.frame)
     yield "stopped", name(record.stopped)
     yield from (("warning", name(text)) for text in record.failures)
     yield from (("note", name(text)) for text in record.notes)

@@ -4,30 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from obseq.images.output.page_instruments import instrument_tables
 from obseq.printable import printable_line
 from obseq.report.columns import all_small, choice, column, element, table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.images.output.arrays import BlockArrays
     from obseq.images.output.block_record import BundleRecord
 
     Table = dict[str, Any]
-    Column = dict[str, Any]
 
 
-def tables(record: BundleRecord, block: BlockArrays) -> list[Table]:
+def tables(record: BundleRecord) -> list[Table]:
     """Image points, points, images, parameters of cameras, instruments."""
-    made = (
-        _measures(record),
-        _points(record),
-        _images(record),
-        _parameters(record),
-        *_rigid(record),
-        *_clinometers(record),
-    )
-    return [item for item in made if item]
+    made = (_measures(record), _points(record), _images(record), _parameters(record))
+    return [*(item for item in made if item), *instrument_tables(record)]
 
 
 def _measures(record: BundleRecord) -> Table | None:
@@ -191,68 +181,3 @@ def _parameters(record: BundleRecord) -> Table:
         for camera in record.cameras
     )
     return table("parameters", "Parameters of cameras", columns, about=printable_line(about))
-
-
-def _rigid(record: BundleRecord) -> list[Table | None]:
-    """Places of cameras in rigid blocks, and residuals of their exposures."""
-    places = [(block, place) for block in record.rigid_blocks for place in block.places]
-    exposures = [(block, item) for block in record.rigid_blocks for item in block.exposures]
-    if not places:
-        return []
-    first = [
-        choice("block", [block.name for block, _ in places]),
-        choice("camera", [place.camera for _, place in places]),
-        *_parts([place.centre for _, place in places], ("x", "y", "z"), "fine"),
-        *_parts([place.quaternion for _, place in places], ("qw", "qx", "qy", "qz"), "fine"),
-        *_parts(
-            [place.sigmas for _, place in places],
-            ("sx", "sy", "sz", "s rot x", "s rot y", "s rot z"),
-            "small_number",
-        ),
-    ]
-    second = [
-        choice("block", [block.name for block, _ in exposures]),
-        choice("cameras", [f"{item.first}, {item.second}" for _, item in exposures]),
-        choice("exposure", [item.exposure for _, item in exposures]),
-        *_parts([item.translation for _, item in exposures], ("dx", "dy", "dz"), "small_number"),
-        *_parts([item.rotation for _, item in exposures], ("rot x", "rot y", "rot z"), "small_angle"),
-    ]
-    about = f"In the frame of {printable_line(record.rigid_blocks[0].master)}; radians."
-    made: list[Table | None] = [table("rigid", "Rigid blocks", first, about=about)]
-    return [*made, table("exposures", "Exposures", second)] if exposures else made
-
-
-def _clinometers(record: BundleRecord) -> list[Table | None]:
-    found = record.clinometers
-    if not found:
-        return []
-    columns = [
-        choice("clinometer", [item.name for item in found]),
-        *_parts([item.axis for item in found], ("axis x", "axis y", "axis z"), "fine"),
-        *_parts([item.correction for item in found], tuple(f"degree {k}" for k in range(4)), "small_number"),
-        column("rms", "small_angle", [item.rms for item in found]),
-    ]
-    readings = [
-        (item.name, image, value)
-        for item in found
-        for image, value in zip(item.images, item.residuals, strict=True)
-    ]
-    read = [
-        choice("clinometer", [name for name, _, _ in readings]),
-        choice("image", [image for _, image, _ in readings]),
-        column(
-            "residual",
-            "small_angle",
-            [value for _, _, value in readings],
-            by_size=True,
-            about="computed minus read",
-        ),
-    ]
-    return [
-        table("clinometers", "Clinometers", columns),
-        table("readings", "Readings", read, order="residual"),
-    ]
-
-
-def _parts(rows: Sequence[Sequence[float] | None], names: Sequence[str], quantity: str) -> list[Column]:
-    return [element(name, quantity, rows, k) for k, name in enumerate(names)]
