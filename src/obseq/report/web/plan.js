@@ -56,10 +56,15 @@ class Plan {
 
   fit() {
     const [wide, tall] = this.box.map(([low, top]) => top - low || 1e-3);
-    const room = [this.width - 2 * MARGIN - 50, this.height - 2 * MARGIN - BARS];
-    this.scale = Math.max(Math.min(room[0] / wide, room[1] / tall), 1e-9);
-    if (!Number.isFinite(this.scale)) this.scale = 1;
-    this.whole = this.scale;
+    let margin = MARGIN;
+    for (let round = 0; round < 3; round += 1) { // ellipses and displacements need room, and depend on the scale
+      const room = [this.width - 2 * margin - 50, this.height - 2 * margin - BARS];
+      this.scale = Math.max(Math.min(room[0] / wide, room[1] / tall), 1e-9);
+      if (!Number.isFinite(this.scale)) this.scale = 1;
+      this.whole = this.scale;
+      const reach = this.largest + (this.layers.moved ? this.farthest : 0);
+      margin = Math.max(MARGIN - 16, Math.min(reach * this.ellipseScale + 8, this.height / 4));
+    }
     this.middle = this.box.map(([low, top]) => (Number.isFinite(low) ? (low + top) / 2 : 0));
     this.redraw();
   }
