@@ -1,6 +1,6 @@
-"""Photograph pages of reports for the documentation: `python tools/report_pictures.py POLYGON.comp`.
+"""Photograph pages of reports for the documentation: `python tools/report_pictures.py POLYGON.comp BLOCK.xml`.
 
-The project is a total station's network of some fifty points; the pictures go to docs/pictures. It needs
+The project is a total station's network of some fifty points, the block one of DBAT; the pictures go to docs/pictures. It needs
 Chromium with its driver, and `obseq[browser]`.
 """
 
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from obseq.cli.main import main as obseq
 from obseq.report import page
 from obseq.report.compared import comparison_page
 from obseq.report.planned import plan_page
@@ -112,6 +113,9 @@ def main() -> None:
             path = Path(name) / f"{title}.html"
             path.write_text(text, encoding="utf-8")
             photograph(browser, browsing.opened, path, title)
+        block = Path(name) / "block.html"
+        obseq(["bundle", "--dbat", sys.argv[2], "--html", str(block)])
+        photograph(browser, browsing.opened, block, "block")
 
 
 if __name__ == "__main__":
