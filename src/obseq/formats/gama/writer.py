@@ -16,6 +16,7 @@ from obseq.formats.gama.values import MILLIMETRE, RADIANS_PER_CC, RADIANS_PER_GO
 from obseq.survey.kinds.coordinates import POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
+from obseq.survey.initial.plan_only import with_plans_only
 from obseq.survey.kinds.registry import BY_CODE, codes
 from obseq.survey.model import Orientation, automatic_fix
 
@@ -117,10 +118,10 @@ class _Writer(CoordinateWriter):
 
     def points(self) -> Iterator[str]:
         """All points, with the components that take part."""
-        points = self.network.points
+        points = with_plans_only(self.network.points, self.book)
         plan, height = self._used()
-        plan |= points.is_free[:, :2].any(axis=1)
-        height |= points.is_free[:, 2]
+        plan |= points.is_unknown[:, :2].any(axis=1)
+        height |= points.is_unknown[:, 2]
         unused = ~(plan | height)
         plan, height = plan | unused, height | unused
         for row, name in enumerate(points.names):
