@@ -226,8 +226,8 @@ def _check_points(points: Points) -> None:
     partial = np.flatnonzero(points.is_invented.any(axis=1))
     if partial.size:
         raise InputError(
-            f"SINEX: nothing observes the height of point {points.names[partial[0]]}, and SINEX knows no point "
-            "without one; observe it, or leave the point out"
+            f"SINEX: nothing observes the height of point {points.names[partial[0]]}, and SINEX knows no "
+            "point without one; observe it, or leave the point out"
         )
     outside = np.flatnonzero(~points.in_datum.all(axis=1))
     if outside.size and points.in_datum.any():

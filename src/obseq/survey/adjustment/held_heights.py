@@ -50,7 +50,9 @@ def _normal_blocks(equations: Equations, rows: IntArray) -> FloatArray:
     equations_of_all = equations.system.equations()
     table = equations_of_all.table
     place = np.full(len(table.values) + 1, -1)
-    place[table.start[equations.points[rows]][:, None] + np.arange(3)] = np.arange(3 * len(rows)).reshape(-1, 3)
+    place[table.start[equations.points[rows]][:, None] + np.arange(3)] = np.arange(3 * len(rows)).reshape(
+        -1, 3
+    )
     found = np.zeros((len(rows), 3, 3))
     for batch in equations_of_all.batches:
         at = place[batch.scalars()]

@@ -25,9 +25,7 @@ SHOWN = 4
 """Points named in a sentence."""
 
 
-def notes(
-    frame: Frame, book: FieldBook, coordinates: FloatArray, invented: BoolArray
-) -> tuple[str, ...]:
+def notes(frame: Frame, book: FieldBook, coordinates: FloatArray, invented: BoolArray) -> tuple[str, ...]:
     """One sentence for each, of a network with its adjusted coordinates in the frame; both (n, 3).
 
     What is invented is not told.
