@@ -1,7 +1,7 @@
-"""Photograph pages of reports for the documentation: `python tools/report_pictures.py POLYGON.comp BLOCK.xml`.
+"""Photograph pages of reports: `python tools/report_pictures.py POLYGON.comp BLOCK.xml`.
 
-The project is a total station's network of some fifty points, the block one of DBAT; the pictures go to docs/pictures. It needs
-Chromium with its driver, and `obseq[browser]`.
+The project is a total station's network of some fifty points, the block one of DBAT. The pictures go to
+docs/pictures. It needs Chromium with its driver, and `obseq[browser]`.
 """
 
 from __future__ import annotations
