@@ -251,8 +251,16 @@ def test_a_large_network_has_its_worst_and_weakest_observations(plain, make) -> 
     """What the page leaves out is said; what is accused is never left out, and leads to its row."""
     (row,) = [row for row in plain["observations"] if row["line"] == 1]
     count = MOST_OBSERVATIONS + 1000
-    rows = [row | {"line": k + 1, "residual": 1e-6 * k, "normalised_residual": 1e-3 * k} for k in range(count)]
-    accused = {"code": "S100", "what": "Dist A -> B (site.obs:4)", "text": "is wrong", "test": 49.0, "limit": 9.0}
+    rows = [
+        row | {"line": k + 1, "residual": 1e-6 * k, "normalised_residual": 1e-3 * k} for k in range(count)
+    ]
+    accused = {
+        "code": "S100",
+        "what": "Dist A -> B (site.obs:4)",
+        "text": "is wrong",
+        "test": 49.0,
+        "limit": 9.0,
+    }
     accused |= {"observations": [{"file": "site.obs", "line": 4, "row": 3}], "size": [0.5], "sigma": [0.1]}
     found = {"status": "explained", "left": 1.0, "redundancy": 3, "accused": [accused], "reason": ""}
     text = page(make(observations=rows, n_observations=count, diagnosis=found))
