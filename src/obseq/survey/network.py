@@ -401,9 +401,6 @@ class Network:
 
         Raises:
             InputError: No observation is called so.
-
-        Example:
-            >>> network.without("S6 -> P05", kind="Hz").adjust().sigma0
         """
         return replace(self, book=self.book.without(chosen(self.book, what, kind)))
 
@@ -421,9 +418,6 @@ class Network:
 
         Raises:
             InputError: No observation is called so, or a sigma is not positive.
-
-        Example:
-            >>> network.weights(kind="Dist", factor=0.8).adjust()
         """
         if not factor > 0.0 or (sigma is not None and not sigma > 0.0):
             raise InputError("weights: a sigma, or what multiplies it, must be positive")

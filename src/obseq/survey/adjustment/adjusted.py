@@ -294,9 +294,6 @@ class Adjustment:
 
         Raises:
             InputError: A point is not in the network.
-
-        Example:
-            >>> adjustment.covariance("P1", "P2")
         """
         return covariance_of(self, names)
 
