@@ -128,7 +128,8 @@ class Rows:
 
     def rows_in_remarks(self) -> list[int]:
         """Lines (from 0) that begin with # and have as many cells as a row."""
-        return [k for k in self.remarks if k > self.head and len(self._split(k)) == len(self.names)]
+        below = (k for k in self.remarks if k > self.head and self.separator in self._lines[k])
+        return [k for k in below if len(self._split(k)) == len(self.names)]
 
     def _split(self, index: int) -> list[str]:
         line = self._lines[index]
