@@ -129,19 +129,13 @@ def site(truth: Truth, tmp_path_factory) -> Site:
         adjustment.add("TopoHz", station=name, target=t, hz=hz, sigma=ANGLE)
         rows.append((formula_named("TopoHz"), [name, t], [hz], ANGLE))
     length = float(np.linalg.norm(at["im1"] - at["S1"]) + RNG.normal(0, 1e-4))
-    adjustment.add("Dist3D", p1="S1", p2="im1", sigma=1e-4, **_distance("Dist3D", length))
+    adjustment.add("Dist3D", p1="S1", p2="im1", sigma=1e-4, distance=length)
     rows.append((formula_named("Dist3D"), ["S1", "im1"], [length], 1e-4))
     own = MeanHeight()
     height = float((at["T0"][2] + at["T6"][2]) / 2 + RNG.normal(0, MEAN))
     adjustment.add(compile_formula(own), first="T0", second="T6", height=height, sigma=MEAN)
     rows.append((own, ["T0", "T6"], [height], MEAN))
     return Site(adjustment, rows, known)
-
-
-def _distance(formula: str, value: float) -> dict[str, float]:
-    from obseq.kernels import load
-
-    return {load(formula).inputs[0].name: value}
 
 
 class Reference:
@@ -256,7 +250,7 @@ def test_a_blunder_in_a_formula_of_ones_own_is_suspected(site: Site) -> None:
 
     wrong = copy.copy(site.adjustment)
     wrong._equations = list(site.adjustment._equations)
-    wrong.add("Dist3D", p1="S2", p2="T3", sigma=1e-3, **_distance("Dist3D", 3.0))
+    wrong.add("Dist3D", p1="S2", p2="T3", sigma=1e-3, distance=3.0)
     label, w = wrong.solve().suspected()[0]
     assert label == "Dist3D S2 T3" and abs(w) > 100.0
 
@@ -297,7 +291,7 @@ def test_points_are_placed_by_their_equations() -> None:
     at = {"A": [0, 0, 0], "B": [9, 0, 0], "C": [0, 9, 0], "D": [1, 2, 7], "P": [3, 4, 5], "Q": [4, 1, 3]}
     for name, others in (("Q", "PABD"), ("P", "ABCD")):
         lengths = [float(np.linalg.norm(np.subtract(at[name], at[other]))) for other in others]
-        site.add("Dist3D", p1=name, p2=list(others), sigma=0.001, **_distance("Dist3D", lengths))
+        site.add("Dist3D", p1=name, p2=list(others), sigma=0.001, distance=lengths)
     found = site.solve()
     np.testing.assert_allclose(found.points(["P", "Q"]), [at["P"], at["Q"]], atol=1e-8)
 
@@ -315,7 +309,7 @@ def test_two_places_that_fit_alike_are_told() -> None:
 def test_a_point_that_nothing_places_is_told() -> None:
     site = _triangle()
     site.add_points(["P"])
-    site.add("Dist3D", p1="P", p2=["A", "B"], sigma=0.001, **_distance("Dist3D", [3.0, 4.0]))
+    site.add("Dist3D", p1="P", p2=["A", "B"], sigma=0.001, distance=[3.0, 4.0])
     with pytest.raises(InputError, match="point P: nothing gives it a place"):
         site.solve()
 
