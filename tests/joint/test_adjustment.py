@@ -299,9 +299,7 @@ def test_points_are_placed_by_their_equations() -> None:
 def test_two_places_that_fit_alike_are_told() -> None:
     site = _triangle()
     site.add_points(["P"])
-    site.add(
-        "Dist3D", p1="P", p2=["A", "B", "C"], sigma=0.001, **_distance("Dist3D", [3.0, 54**0.5, 54**0.5])
-    )
+    site.add("Dist3D", p1="P", p2=["A", "B", "C"], sigma=0.001, distance=[3.0, 54**0.5, 54**0.5])
     with pytest.raises(InputError, match=r"point P: its equations fit at \(.*\) or \(.*\); give approximate"):
         site.solve()
 
