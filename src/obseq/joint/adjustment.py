@@ -11,11 +11,11 @@ from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, places_in, with_surveys
 from obseq.images.names import as_names
+from obseq.joint.named import add_named, named_equation
 from obseq.joint.places import place_points
 from obseq.joint.solution import ImagePart, JointSolution
 from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.problem.arguments import finite
-from obseq.leastsquares.problem.named import add_named, named_equation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.images import BundleAdjustment
+    from obseq.joint.named import NamedEquation
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares import Batch, Iteration, Loss
     from obseq.leastsquares.iterations.strategies import Strategy
-    from obseq.leastsquares.problem.named import NamedEquation
     from obseq.survey import Network
 
 GROUP = "known values"

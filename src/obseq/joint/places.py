@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError, ObseqError
+from obseq.joint.named import KNOWN_AS, add_named
 from obseq.leastsquares import LeastSquares
-from obseq.leastsquares.problem.named import KNOWN_AS, add_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from obseq.arrays import FloatArray
-    from obseq.leastsquares.problem.named import NamedEquation
+    from obseq.joint.named import NamedEquation
 
 STARTS = 24
 """Directions from the middle of its neighbours in which a point is looked for."""

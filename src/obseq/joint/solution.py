@@ -10,8 +10,8 @@ from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.images.adjustment.solution import BundleSolution
+from obseq.joint.named import KNOWN_AS
 from obseq.leastsquares import global_test, reliability
-from obseq.leastsquares.problem.named import KNOWN_AS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.start import Start
     from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.images.block import Block
+    from obseq.joint.named import NamedEquation
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult, Reliability
-    from obseq.leastsquares.problem.named import NamedEquation
 
 
 class ImagePart(NamedTuple):
@@ -101,9 +101,9 @@ class JointSolution:
 
     def report(self) -> str:
         """A page of text: counts, the test of sigma0, sums of squares, what is suspected, own unknowns."""
-        test = global_test(self.result)
         lines = [self.result.summary().rstrip()]
-        if test is not None:
+        if self.result.redundancy:
+            test = global_test(self.result)
             low, high = test.sigma0_limits
             verdict = "accepted" if test.passed else "rejected"
             lines.append(f"sigma0 {test.sigma0:.4f}, expected {low:.4f} to {high:.4f}: {verdict}")

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.kernels.loading import Kernel
+    from obseq.leastsquares import LeastSquares
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.losses import Loss
-    from obseq.leastsquares.system import LeastSquares
 
 KNOWN_AS = {
     "Point3": (("Point3", "{}"), ("Point3", "{} centre")),
