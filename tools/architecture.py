@@ -105,9 +105,11 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "adjustment": ("initial", "model", "kinds"),
         "causes": ("adjustment", "initial", "model", "points", "kinds"),
         "diagnosing": ("causes", "adjustment", "initial", "model", "points", "kinds"),
+        "by_name": ("adjustment", "model", "kinds"),
         "fieldwork": ("diagnosing", "causes", "adjustment", "initial", "model"),
         "grid_bearings": ("fieldwork", "adjustment", "model", "kinds"),
         "network": (
+            "by_name",
             "fieldwork",
             "diagnosing",
             "adjustment",

@@ -295,7 +295,7 @@ class Adjustment:
         Raises:
             InputError: A point is not in the network.
         """
-        return covariance_of(self, names)
+        return covariance_of(self.solution, self.points.names, names, self.quality.a_priori)
 
     def ellipse(self, name: str, level: float | None = 0.95) -> EllipseRecord:
         """The error ellipse of a point in x and y.
@@ -308,7 +308,7 @@ class Adjustment:
             InputError: The point is not in the network, or the level is no probability.
         """
         redundancy = None if self.quality.a_priori else self.solution.redundancy
-        block = covariance_of(self, (name,))[None]
+        block = self.covariance(name)[None]
         return next(iter(ellipse_records(ellipses_of((name,), block, level, redundancy))))
 
     def plot(self, level: float | None = 0.95, residuals: bool = False, axes: Any = None) -> Any:
@@ -324,7 +324,9 @@ class Adjustment:
         """
         from obseq.survey.adjustment.plotting import plan
 
-        return plan(self, level, residuals, axes)
+        redundancy = None if self.quality.a_priori else self.solution.redundancy
+        normalised = self.normalised_residuals if residuals else None
+        return plan(self.points, self.book, normalised, (level, redundancy), axes)
 
     def save(self, path: str | Path) -> None:
         """Writes the result: `.json` (read again by `obseq.load`), `.html` or `.txt`, by the suffix.
