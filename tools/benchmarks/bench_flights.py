@@ -51,9 +51,9 @@ def drones(images: int, runs: int) -> None:
         readouts.append((readout - flights.READOUT) / own)
         sigma0.append(solution.sigma0)
         print(
-            f"seed {seed}: sigma0 {solution.sigma0:.4f}, {len(solution.iterations)} iterations, check points "
-            f"{np.mean(shares[-1] <= SIGMAS):.3f}, lever arm {lever.round(3)} +- {precision.round(3)}, readout "
-            f"{1000 * readout:.2f} +- {1000 * own:.2f} ms",
+            f"seed {seed}: sigma0 {solution.sigma0:.4f}, {len(solution.iterations)} iterations, check "
+            f"{np.mean(shares[-1] <= SIGMAS):.3f}, lever arm {lever.round(3)} +- {precision.round(3)}, "
+            f"readout {1000 * readout:.2f} +- {1000 * own:.2f} ms",
             flush=True,
         )
     cpu = (time.process_time() - start) / runs
