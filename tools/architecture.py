@@ -157,6 +157,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "aicon": ("blocks", "fitted"),
         "colmap": ("blocks", "camera_terms", "fitted"),
         "opensfm": ("blocks", "fitted"),
+        "rpc": ("blocks",),
         "nvm": ("blocks",),
         "openmvg": ("blocks",),
         "meshroom": ("blocks",),
