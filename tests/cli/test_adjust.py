@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from obseq.cli.main import main
+from obseq.cli.parsing import coloured
 
 FRAME = "RTL*657700*6860700*0*IGNF:LAMB93"
 POINTS = """\
@@ -93,7 +94,7 @@ def test_several_files_are_put_together(site: Path, capsys) -> None:
     (site / "second.obs").write_text("".join(lines[6:]), encoding="utf-8")
     assert main(["adjust", "--obs", "site.obs", "second.obs", "--cor", "site.cor", "--frame", FRAME,
                  "--points-crs", "IGNF:LAMB93"]) == 0  # fmt: skip
-    assert "1.76552" in capsys.readouterr().out
+    assert "sigma0            1.766  expected 0.35 to 1.67" in capsys.readouterr().out
 
 
 BAD = {
@@ -319,14 +320,14 @@ def test_what_is_wanted_of_the_quality_is_said_on_the_command_line(site: Path, c
     assert adjust(*wanted, "--json", "a.json") == 1  # something was left out
     out = capsys.readouterr().out
     assert "Data snooping with w at an overall level of 5 %: 1 left out" in out
-    assert "limit 2.58 (a priori sigmas)" in out
+    assert "limit 2.58" in out
     record = json.loads((site / "a.json").read_text(encoding="utf-8"))
     assert (record["precision"], record["ellipse_level"]) == ("a priori", 0.95)
     assert record["observations"][11]["rejected"] is True
     assert len(record["relative"]) == 4
     assert adjust("--no-reliability", "--json", "a.json") == 0
     assert json.loads((site / "a.json").read_text(encoding="utf-8"))["reliability"] is None
-    assert "normalised" in capsys.readouterr().out
+    assert "largest residual / sigma" in capsys.readouterr().out
 
 
 def test_variance_components_that_nothing_determines_are_refused(site: Path, capsys) -> None:
@@ -370,3 +371,25 @@ def test_a_strategy_and_a_tolerance_lead_to_the_same_solution(shared_data, tmp_p
     assert other["sigma0"] == pytest.approx(one["sigma0"], rel=1e-10)
     for first, second in zip(one["points"], other["points"], strict=True):
         assert [second[axis] for axis in "xyz"] == pytest.approx([first[axis] for axis in "xyz"], abs=1e-8)
+
+
+def test_how_much_is_printed_is_chosen(site: Path, capsys) -> None:
+    assert adjust("-q") == 0
+    quiet = capsys.readouterr().out
+    assert len(quiet.splitlines()) == 2
+    adjust("-v", "--show", "points")
+    told = capsys.readouterr().out
+    assert "Seconds: " in told and "Coordinates in the computation frame" in told
+    assert quiet.splitlines()[0] in told
+    assert adjust("-q", "-v") == 2
+    assert "--quiet prints the verdict alone" in capsys.readouterr().err
+
+
+def test_a_verdict_has_a_colour_on_a_terminal_only(monkeypatch) -> None:
+    text, levels = "first\nsecond\n", {"second": "bad"}
+    assert coloured(text, levels) == text
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert coloured(text, levels) == "first\n\x1b[1;31msecond\x1b[0m\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert coloured(text, levels) == text

@@ -14,7 +14,7 @@ def test_the_demo_is_the_documented_network(tmp_path: Path, monkeypatch, capsys)
     for _ in range(2):
         assert main(["demo"]) == 0
     out = capsys.readouterr().out
-    assert out.count("sigma0 of the solution                 1.76552") == 2
+    assert out.count("sigma0            1.766  expected 0.35 to 1.67  too large") == 2
     record = json.loads((tmp_path / "obseq-demo" / "adjustment.json").read_text(encoding="utf-8"))
     assert record["frame"] == "RTL*657700*6860700*0*IGNF:LAMB93"
     assert record["points_crs"] == "IGNF:LAMB93"

@@ -97,7 +97,7 @@ def test_a_stored_result_is_shown_in_other_units(feet, tmp_path, capsys) -> None
     stored = tmp_path / "a.json"
     main(["adjust", str(feet), "--units", "m", "--json", str(stored)])
     assert "400.0200 us-ft" not in capsys.readouterr().out
-    main(["report", str(stored), "--units", "us-ft", "degree"])
+    main(["report", str(stored), "--units", "us-ft", "degree", "--show", "observations"])
     shown = capsys.readouterr().out
     assert "400.0200 us-ft" in shown
     assert "53.130000 deg" in shown

@@ -15,7 +15,17 @@ from obseq.cli.network_files import Source, add_network_arguments, given, source
 from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
-from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
+from obseq.cli.results import (
+    INCOMPLETE,
+    Detail,
+    Outputs,
+    add_result_arguments,
+    detail_of,
+    outputs_of,
+    show,
+    shown_in,
+    write,
+)
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.printable import composed, printable
@@ -59,6 +69,7 @@ class Request:
         estimated: What is estimated of instruments and refraction.
         units: Of the reports, in words; those of the files for what they do not name.
         without_accused: Whether a second adjustment is made without what is accused.
+        detail: How much is printed.
     """
 
     source: Source
@@ -69,6 +80,7 @@ class Request:
     estimated: Sequence[str] = ()
     units: Sequence[str] = ()
     without_accused: bool = False
+    detail: Detail = Detail()
 
     @property
     def places(self) -> list[Path]:
@@ -163,6 +175,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.estimate or (),
             arguments.units,
             arguments.without_accused,
+            detail_of(arguments),
         )
     )
 
@@ -186,7 +199,7 @@ def adjust(request: Request) -> int:
         watch = Stopwatch(progress)
         network = _network(request, watch)
         record, others = _written(network, request, watch)
-    show(record, request.outputs, others)
+    show(record, request.outputs, others, request.detail)
     if second is not None:
         return _without_accused(network, record, second)
     return 0 if record.is_complete else INCOMPLETE
@@ -202,7 +215,7 @@ def _without_accused(network: "Network", first: AdjustmentRecord, request: Reque
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
     print()
-    show(record, request.outputs, others)
+    show(record, request.outputs, others, request.detail)
     return INCOMPLETE
 
 

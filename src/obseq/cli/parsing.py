@@ -3,9 +3,10 @@
 import argparse
 import difflib
 import math
+import os
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
@@ -113,6 +114,20 @@ def _meant(word: str, known: Iterable[str]) -> str:
 def output_file(text: str) -> Path:
     """A file to write; `-` is standard output."""
     return STANDARD_OUTPUT if text == "-" else Path(text)
+
+
+COLOURS = {"bad": "1;31", "warn": "1;33", "ok": "1;32"}
+"""Of verdicts, as terminals call them; the words say the same."""
+
+
+def coloured(text: str, levels: Mapping[str, str]) -> str:
+    """The text with some of its lines in the colour of their level, where a person reads it on a terminal."""
+    if not sys.stdout.isatty() or "NO_COLOR" in os.environ:
+        return text
+    lines = text.split("\n")
+    return "\n".join(
+        f"\x1b[{COLOURS[levels[line]]}m{line}\x1b[0m" if line in levels else line for line in lines
+    )
 
 
 def say(text: str, outputs: Iterable[Path]) -> None:

@@ -4,7 +4,16 @@ import argparse
 from pathlib import Path
 
 from obseq.cli.parsing import Commands, add_command, say
-from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, in_units, outputs_of, show, write
+from obseq.cli.results import (
+    INCOMPLETE,
+    Outputs,
+    add_result_arguments,
+    detail_of,
+    in_units,
+    outputs_of,
+    show,
+    write,
+)
 from obseq.errors import InputError
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.result_file import read_plain
@@ -46,7 +55,7 @@ def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> 
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
     check_writable([path for path, _ in outputs], map(Path, record.files or ()))
     record = write(record, outputs)
-    show(record, outputs)
+    show(record, outputs, detail=detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
 
 

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from obseq.boundary import Boundary
-from obseq.cli.parsing import output_file, say
+from obseq.cli.parsing import coloured, output_file, say
+from obseq.dataclass import dataclass
+from obseq.errors import InputError
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
+from obseq.report.adjusted import verdict
 from obseq.report.formats import FORMATS, Format
-from obseq.report.summary import summary
+from obseq.report.summary import SHOWN, summary
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
@@ -35,6 +38,7 @@ def add_result_arguments(command: argparse.ArgumentParser) -> None:
     names = ", ".join(f"{STEM}{form.suffix}" for form in FORMATS)
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
     add_units(results)
+    add_detail(results)
     for form in FORMATS:
         results.add_argument(f"--{form.name}", type=output_file, metavar="FILE", help=form.purpose)
 
@@ -73,10 +77,48 @@ def outputs_in(folder: Path) -> Outputs:
     return [(path, form) for form, path in _inside(folder, STEM)]
 
 
-def show(record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = ()) -> None:
+def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add what says how much is printed."""
+    group.add_argument("-q", "--quiet", action="store_true", help="print the verdict alone")
+    group.add_argument(
+        "-v", "--verbose", action="store_true", help="print iterations, residuals, all notes, times"
+    )
+    purpose = "print tables as well: points, observations, known"
+    group.add_argument("--show", nargs="+", choices=SHOWN, metavar="TABLE", default=(), help=purpose)
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How much is printed.
+
+    Attributes:
+        amount: "quiet", "usual" or "verbose".
+        shown: Tables that are printed as well.
+    """
+
+    amount: str = "usual"
+    shown: tuple[str, ...] = ()
+
+
+def detail_of(arguments: argparse.Namespace) -> Detail:
+    """What the options say of it."""
+    if arguments.quiet and (arguments.verbose or arguments.show):
+        raise InputError("--quiet prints the verdict alone: leave out --verbose and --show")
+    amount = "quiet" if arguments.quiet else "verbose" if arguments.verbose else "usual"
+    return Detail(amount, tuple(arguments.show))
+
+
+USUAL = Detail()
+
+
+def show(
+    record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = (), detail: Detail = USUAL
+) -> None:
     """Print the summary, and what was written: other files first."""
     paths = [*others, *(path for path, _ in outputs)]
-    say(summary(record, [str(path) for path in paths]), paths)
+    text = summary(record, [str(path) for path in paths], detail.amount, detail.shown)
+    judged = verdict(record)
+    say(coloured(text, {judged.text: judged.level}), paths)
 
 
 def write(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import Commands, add_command, say
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_result_arguments, outputs_of, show, shown_in, write
+from obseq.cli.results import INCOMPLETE, add_result_arguments, detail_of, outputs_of, show, shown_in, write
 from obseq.cli.tree_command import Files
 from obseq.errors import InputError
 from obseq.writing import check_writable
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
     say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
-    show(record, outputs, list(files))
+    show(record, outputs, list(files), detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
 
 

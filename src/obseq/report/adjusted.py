@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.printable import listed
+from obseq.report.basis import basis, kinds
 from obseq.report.findings import POOR, sight, spread, weakest
 from obseq.report.head import (
     WORDS,
@@ -21,7 +22,6 @@ from obseq.report.head import (
 )
 from obseq.report.quality import ellipse_level
 from obseq.report.said import name, small
-from obseq.report.summary import basis, kinds
 from obseq.report.units import significant
 from obseq.report.verdict import Verdict as Test
 
@@ -52,9 +52,8 @@ def verdict(record: AdjustmentRecord) -> Verdict:
 
 
 def _ended(record: AdjustmentRecord) -> str:
-    return (
-        "" if record.converged else "NOT "
-    ) + f"converged after {counted(len(record.iterations), 'iteration')}"
+    state = "converged" if record.converged else "NOT CONVERGED"
+    return f"{state} after {counted(len(record.iterations), 'iteration')}"
 
 
 def _judged(record: AdjustmentRecord) -> tuple[Level, str]:

@@ -6,12 +6,10 @@ from obseq.arguments import expecting, instance
 from obseq.printable import printable
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report import rows
+from obseq.report.basis import basis, how_it_ended, kinds
 from obseq.report.quality import quality_tables, single_tests, snooping_lines, vector_table, worst_vectors
 from obseq.report.summary import (
-    basis,
     gross_errors,
-    how_it_ended,
-    kinds,
     left_out,
     notes,
     tested,

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.report import rows
+from obseq.report.basis import how_it_ended, kinds
 from obseq.report.figure import network_figure, plan_figure
 from obseq.report.html import escaped
 from obseq.report.quality import single_tests, suspects
-from obseq.report.summary import gross_errors, how_it_ended, kinds, left_out, tested
+from obseq.report.summary import gross_errors, left_out, tested
 from obseq.report.units import significant
 from obseq.report.verdict import Verdict, worst_first, worst_title
 

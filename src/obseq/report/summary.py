@@ -1,21 +1,28 @@
-"""The one-screen summary: whether it worked, how well it fits, where it does not, and the coordinates."""
+"""The summary on the terminal: whether the result may be used, what is wrong, how good it is."""
 
 import textwrap
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
-from obseq.arguments import TEXTS, expecting, instance
+from obseq.arguments import TEXT, TEXTS, WORDS, expecting, instance
+from obseq.errors import InputError
 from obseq.printable import listed, printable
-from obseq.records.adjustment import AdjustmentRecord, OperationRecord, PointRecord
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.report import rows, units
+from obseq.report.adjusted import cards, verdict
+from obseq.report.content import numbers_of
 from obseq.report.quality import single_tests, snooping_lines, vector_table, worst_vectors
+from obseq.report.said import plain
+from obseq.report.spared import spared
 from obseq.report.table import lines_of
 from obseq.report.verdict import Verdict, worst_constraints_first, worst_first, worst_title
 
 WIDTH = 100
 MOST_POINTS = 8
+MOST_NOTES = 2
+SHOWN = ("points", "observations", "known")
+"""Tables that a summary may have."""
+SIGNS = {"\u2192": "->", "\u03c3": "sigmas", " \u00b7 ": "; ", "\u00d7": "x", "\u2013": "-"}
 MOST_ERRORS = 5
-MOST_FILES = 12
 MOST_ITERATIONS = 9
 MOST_WARNINGS = 3
 MOST_UNUSED = 3
@@ -24,73 +31,125 @@ NOTABLE = 2.0
 """Normalised residual beyond which the summary shows a known coordinate."""
 
 
-@expecting(record=instance(AdjustmentRecord), written=TEXTS)
-def summary(record: AdjustmentRecord, written: Sequence[str] = ()) -> str:
-    """The summary of an adjustment, at most a screen long whatever the size of the network.
+@expecting(record=instance(AdjustmentRecord), written=TEXTS, detail=TEXT, shown=WORDS)
+def summary(
+    record: AdjustmentRecord,
+    written: Sequence[str] = (),
+    detail: str = "usual",
+    shown: Collection[str] = (),
+) -> str:
+    """The summary of an adjustment, at most thirty lines whatever the size of the network.
 
     Args:
         record: The adjustment.
         written: Names of the files where the results were written.
+        detail: "quiet": the verdict alone; "verbose": iterations, the worst residuals, all notes, seconds.
+        shown: Tables to print as well, of `SHOWN`.
     """
-    sections = (
-        _counts(record),
-        _fit(record),
-        _worst(record),
-        _known(record),
-        _coordinates(record),
-        warnings(record, MOST_WARNINGS),
-        notes(record),
-        _end(record, written),
+    if detail == "quiet":
+        return printable(f"{verdict(record).text}\n{_files(written)}\n")
+    given = spared(record)
+    is_long = detail == "verbose"
+    sections: list[Iterable[str]] = [_head(record), gross_errors(record, MOST_ERRORS), left_out(record)]
+    sections += [_cards(given), _why(record), _joint(record), snooping_lines(record)]
+    if is_long:
+        sections += [_iterations(record), _worst(given), _known(given)]
+    sections += [_table(given, name) for name in shown]
+    sections += [warnings(record, len(record.warnings) if is_long else MOST_WARNINGS)]
+    sections += [_notes(record, len(record.notes) if is_long else MOST_NOTES)]
+    sections += [_seconds(record) if is_long else (), [_files(written)]]
+    return printable("\n".join(line for section in sections for line in section) + "\n")
+
+
+def _head(record: AdjustmentRecord) -> Iterator[str]:
+    told = verdict(record)
+    title = f"{record.title}: " if record.title else ""
+    yield f"{title}{in_text(told.detail)}; redundancy {record.redundancy}"
+    yield told.text
+
+
+def in_text(sentence: str) -> str:
+    """A sentence of the page in letters that every terminal has."""
+    for sign, letters in SIGNS.items():
+        sentence = sentence.replace(sign, letters)
+    return sentence
+
+
+def _cards(record: AdjustmentRecord) -> Iterator[str]:
+    """Figures beside what they are compared with."""
+    shown = units.units_of(record)
+    rows = []
+    for card in cards(record, numbers_of(record)):
+        tag = "" if card.tag is None else card.tag[1]
+        limits = ""
+        if card.figure and card.figure["kind"] == "gauge":
+            limits = f"{card.figure['lower']:.2f} to {card.figure['upper']:.2f}"
+        expected = f"expected {limits}" if limits else card.unit
+        parts = (card.label, card.value, expected, tag, card.note)
+        rows.append([in_text(plain(part, shown)) for part in parts])
+    widths = [max(len(row[k]) for row in rows) for k in range(4)] if rows else []
+    for label, value, expected, tag, note in rows:
+        first = f"  {label:<{widths[0]}}  {value:>{widths[1]}}"
+        yield f"{first}  {expected:<{widths[2]}}  {tag:<{widths[3]}}  {note}".rstrip()
+
+
+def _why(record: AdjustmentRecord) -> Iterator[str]:
+    """What the test of sigma0 means, where it does not pass and nothing is accused."""
+    found = Verdict(record)
+    if record.planned or found.spoilt or (found.test is not None and found.is_accepted):
+        return
+    yield from textwrap.wrap(found.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
+
+
+def _joint(record: AdjustmentRecord) -> Iterator[str]:
+    """The tests of vectors and positions, where some fail."""
+    if any(item.is_beyond for item in record.joint):
+        yield from (f"  {line}" for line in single_tests(record))
+
+
+def _iterations(record: AdjustmentRecord) -> Iterator[str]:
+    values = [units.significant(row.sigma0) for row in record.iterations]
+    if len(values) > MOST_ITERATIONS:
+        half = MOST_ITERATIONS // 2
+        values = [*values[:half], "...", *values[-half:]]
+    yield f"  sigma0 at the start of each iteration  {'  '.join(values)}"
+    yield f"  sigma0 of the solution                 {units.significant(record.sigma0)}"
+    yield f"  {tested(record)}"
+
+
+def _table(record: AdjustmentRecord, name: str) -> Iterator[str]:
+    """A table that is asked for."""
+    if name not in SHOWN:
+        raise InputError(f"there is no table {name!r} to show; there are {', '.join(SHOWN)}")
+    yield ""
+    if name == "points":
+        yield from _coordinates(record)
+    elif name == "known":
+        title = "Known coordinates, the worst first"
+        yield from lines_of(rows.constraint_table(record, title, worst_constraints_first(record)))
+    else:
+        found = worst_first(record)
+        yield from lines_of(rows.observation_table(record, f"Observations by {worst_title(record)}", found))
+    yield ""
+
+
+def _notes(record: AdjustmentRecord, most: int) -> Iterator[str]:
+    yield from (f"Note: {text}" for text in record.notes[:most])
+    if len(record.notes) > most:
+        yield f"and {len(record.notes) - most} more notes (-v tells them)"
+
+
+def _seconds(record: AdjustmentRecord) -> Iterator[str]:
+    if record.phases:
+        total = sum(phase.seconds for phase in record.phases)
+        parts = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in record.phases)
+        yield f"Seconds: {parts}; {total:.2f} in all"
+
+
+def _files(written: Sequence[str]) -> str:
+    return "Written: " + (
+        ", ".join(written) if written else "nothing (--out, --json, --html or --text write results)"
     )
-    texts = ("\n".join(section) for section in sections)
-    return printable("\n\n".join(text for text in texts if text) + "\n")
-
-
-def how_it_ended(record: AdjustmentRecord) -> str:
-    """Whether the iterations converged, and how many there were."""
-    if record.planned:
-        return "planned, not measured"
-    count = len(record.iterations)
-    plural = "" if count == 1 else "s"
-    if record.converged:
-        return f"converged after {count} iteration{plural}"
-    return f"NOT CONVERGED after {count} iteration{plural}: do not use these results"
-
-
-def kinds(record: AdjustmentRecord) -> str:
-    """How many active observations of each type, in words."""
-    count = Counter(row.type for row in record.observations if row.active)
-    unused = sum(not row.active for row in record.observations)
-    text = ", ".join(f"{count[kind]} {kind}" for kind in sorted(count))
-    return f"{text}; {unused} not used" if unused else text
-
-
-def run_line(record: AdjustmentRecord) -> str:
-    """Which run made the record, and with what."""
-    if record.run is None:
-        return "not in the record"
-    versions = ", ".join(f"{name} {version}" for name, version in record.run.versions.items())
-    return f"{record.run.identifier}, {record.run.created}; {versions}"
-
-
-def basis(record: AdjustmentRecord) -> Iterator[tuple[str, str]]:
-    """What it was made from, in words: files, versions, systems, refraction, operations, precisions."""
-    names = record.files or tuple(dict.fromkeys(row.file for row in record.observations))
-    yield "files", listed(names, MOST_FILES)
-    yield "run", run_line(record)
-    yield "frame", record.frame
-    if record.points_crs != record.frame:
-        yield "points in", record.points_crs
-    if record.refraction is not None:
-        yield "refraction", f"coefficient {record.refraction:g}"
-    yield from (("operation", _operation(item)) for item in record.operations or ())
-    yield "precisions", record.precision or "not said"
-    yield "units", units.units_of(record).words
-
-
-def _operation(item: OperationRecord) -> str:
-    accuracy = "accuracy not announced" if item.accuracy is None else f"accuracy {item.accuracy:g} m"
-    return f"{item.system} to WGS 84 by PROJ: {item.description} ({accuracy})"
 
 
 def tested(record: AdjustmentRecord) -> str:
@@ -154,30 +213,6 @@ def notes(record: AdjustmentRecord) -> Iterator[str]:
     yield from (f"Note: {text}" for text in record.notes)
 
 
-def _counts(record: AdjustmentRecord) -> Iterator[str]:
-    yield f"{len(record.points)} points, {len(record.stations)} stations: {how_it_ended(record)}"
-    yield from gross_errors(record, MOST_ERRORS)
-    yield from left_out(record)
-    yield f"  observations {record.n_observations:>8}   {kinds(record)}"
-    yield f"  constraints  {record.n_constraints:>8}   coordinates given with a sigma"
-    yield f"  unknowns     {record.n_unknowns:>8}"
-    yield f"  redundancy   {record.redundancy:>8}"
-
-
-def _fit(record: AdjustmentRecord) -> Iterator[str]:
-    values = [units.significant(row.sigma0) for row in record.iterations]
-    if len(values) > MOST_ITERATIONS:
-        half = MOST_ITERATIONS // 2
-        values = [*values[:half], "...", *values[-half:]]
-    verdict = Verdict(record)
-    yield f"  sigma0 at the start of each iteration  {'  '.join(values)}"
-    yield f"  sigma0 of the solution                 {units.significant(record.sigma0)}"
-    yield f"  {tested(record)}"
-    yield from textwrap.wrap(verdict.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
-    yield from (f"  {line}" for line in single_tests(record))
-    yield from snooping_lines(record)
-
-
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
     worst = worst_first(record)[:WORST]
     yield from lines_of(rows.observation_table(record, f"Observations by {worst_title(record)}", worst))
@@ -195,33 +230,7 @@ def _known(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def _coordinates(record: AdjustmentRecord) -> Iterator[str]:
-    shown = _points_shown(record.points)
-    hidden = len(record.points) - len(shown)
-    yield from lines_of(rows.frame_table(record, shown))
+    yield from lines_of(rows.frame_table(record, record.points))
     if record.points_crs != record.frame:
         yield ""
-        yield from lines_of(rows.crs_table(record, shown))
-    if hidden:
-        yield f"  and {hidden} more points, all with better precisions; the files have them"
-
-
-def _points_shown(points: Sequence[PointRecord]) -> Sequence[PointRecord]:
-    """All points of a small network; of a large one those known worst."""
-    if len(points) <= MOST_POINTS:
-        return points
-    return sorted(points, key=_largest_precision, reverse=True)[:MOST_POINTS]
-
-
-def _largest_precision(point: PointRecord) -> float:
-    return max(point.sx or 0.0, point.sy or 0.0, point.sz or 0.0)
-
-
-def _end(record: AdjustmentRecord, written: Sequence[str]) -> Iterator[str]:
-    phases = record.phases
-    if phases:
-        total = sum(phase.seconds for phase in phases)
-        parts = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in phases)
-        yield f"Seconds: {parts}; {total:.2f} in all"
-    yield "Written: " + (
-        ", ".join(written) if written else "nothing (--out, --json, --html or --text write results)"
-    )
+        yield from lines_of(rows.crs_table(record, record.points))
