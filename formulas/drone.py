@@ -54,9 +54,9 @@ class RollingColinearity(CentralCamera, Formula):
 
     The pose is that of the middle line. Line y is exposed `t = Readout (y / Height - 1/2)` later (s), from
     `CCam + t V`: V is the velocity in the world (m/s), and the turn of the camera during the readout is
-    neglected. y is the line computed, by two steps from the middle line on: the observed one has errors, those
-    of the residual, and would pull the readout. The steps leave the square of the share of the image by which
-    the camera moves meanwhile: 1e-5 of a pixel for drones.
+    neglected. y is the line computed, by two steps from the middle line on: the observed one has errors,
+    those of the residual, and would pull the readout. The steps leave the square of the share of the image by
+    which the camera moves meanwhile: 1e-5 of a pixel for drones.
     Residual: that of `Colinearity` from there, in pixels. Undefined where that is.
     """
 
