@@ -221,7 +221,7 @@ class _Iteration:
 
     def _set_window(self, region: Region) -> bool:
         """Takes the part of the image where the drawing lies; False when it is not inside."""
-        corners = _outer_places(region)
+        corners = outer_places(region)
         pixels = self.placed.pixels(corners)
         low, high = np.floor(pixels.min(axis=0)) - 1, np.ceil(pixels.max(axis=0)) + 1
         height, width = self.image.shape
@@ -337,7 +337,7 @@ class _Iteration:
         )
 
 
-def _outer_places(region: Region) -> FloatRows:
+def outer_places(region: Region) -> FloatRows:
     """(k, 2) places around the drawing: the window holds them."""
     turns = np.arange(24) * (2.0 * math.pi / 24)
     radius = region.radius / math.cos(math.pi / 24)

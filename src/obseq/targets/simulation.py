@@ -176,11 +176,12 @@ def _expose(light: Array, camera: Camera, sheet: Sheet) -> Truth:
 def _shade(part: Array, camera: Camera, sheet: Sheet, corner: Array, frame: FloatRows) -> None:
     """The same in the part of the image where it is; `frame` (3, 3) has its axes and centre as columns."""
     height, width = part.shape
-    k = np.arange(SAMPLES)
-    within = (np.column_stack((k, (k * GENERATOR) % SAMPLES)) + 0.5) / SAMPLES - 0.5
-    columns, lines = np.meshgrid(corner[0] + np.arange(width), corner[1] + np.arange(height))
-    pixels = (np.stack((columns, lines), axis=-1)[:, :, None] + within).reshape(-1, 2)
-    meets = camera.directions(pixels) @ np.linalg.inv(frame).T
+    columns, lines = np.meshgrid(np.arange(width + 1), np.arange(height + 1))
+    pixels = np.column_stack((columns.ravel(), lines.ravel())) + corner - 0.5
+    rays = camera.directions(pixels)
+    rays = (rays / rays[:, 2:] @ np.linalg.inv(frame).T).reshape(height + 1, width + 1, 3)
+    around = np.stack([rays[:-1, :-1], rays[:-1, 1:], rays[1:, :-1], rays[1:, 1:]], axis=2)
+    meets = (_within() @ around.reshape(-1, 4, 3)).reshape(-1, 3)
     depth = np.where(meets[:, 2] > 0.0, meets[:, 2], np.nan)
     places = np.ascontiguousarray(meets[:, :2] / depth[:, None])
     left, right, top, bottom = sheet.spec.geometry.sheet
@@ -199,6 +200,13 @@ def _shade(part: Array, camera: Camera, sheet: Sheet, corner: Array, frame: Floa
     share = inside.reshape(shape).mean(axis=2)
     paper = np.where(inside, grey, 0.0).reshape(shape).mean(axis=2)
     part[:] = (1.0 - share) * part + paper
+
+
+def _within() -> FloatRows:
+    """(samples, 4) shares of the corners of a pixel at each place in it that is looked at."""
+    k = np.arange(SAMPLES)
+    x, y = (k + 0.5) / SAMPLES, ((k * GENERATOR) % SAMPLES + 0.5) / SAMPLES
+    return np.column_stack(((1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y))
 
 
 def _truth(camera: Camera, sheet: Sheet, axes: FloatRows) -> Truth:
