@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from obseq.cli.bundle_ground import add_ground, carried_by, put_ground
 from obseq.cli.parsing import positive_integer
 from obseq.errors import InputError, noting
 
@@ -31,7 +32,7 @@ WITHOUT_SIGMAS = ("bal", "bundler", "colmap")
 """Programs whose files do not say how good the measures are: one pixel unless the user says it."""
 
 WITH_SIGMAS = ("dbat",)
-"""Programs whose files say it for every measure (PhotoModeler's, for most)."""
+"""Programs whose files say it for every measure (PhotoModeler's, for most): a given sigma replaces these."""
 
 OPK_UNITS = ("degree", "gon", "radian")
 
@@ -46,7 +47,13 @@ def add_sources(command: argparse.ArgumentParser) -> None:
     files.add_argument("--opk", type=Path, metavar="FILE", help="poses as text, instead of --images")
     files.add_argument("--opk-columns", default="NXYZOPK", metavar="LETTERS", help="of --opk (NXYZOPK)")
     files.add_argument("--opk-unit", choices=OPK_UNITS, default=OPK_UNITS[0], help="of its angles (degree)")
-    files.add_argument("--measures", nargs="+", type=Path, metavar="FILE", help="tables of image measures")
+    files.add_argument(
+        "--measures",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="tables of image measures; of a block of another program, marks of further points",
+    )
     files.add_argument(
         "--control", nargs="+", type=Path, default=[], metavar="FILE", help="tables of control points"
     )
@@ -59,6 +66,7 @@ def add_sources(command: argparse.ArgumentParser) -> None:
     )
     others.add_argument("--micmac-measures", type=Path, metavar="FILE", help="points measured in images")
     others.add_argument("--micmac-points", type=Path, metavar="FILE", help="their coordinates")
+    add_ground(command)
     more = command.add_argument_group("other observations")
     more.add_argument("--lengths", nargs="+", type=Path, default=[], metavar="FILE", help="tables of lengths")
     more.add_argument(
@@ -72,7 +80,7 @@ def add_sources(command: argparse.ArgumentParser) -> None:
 def inputs(arguments: argparse.Namespace) -> list[Path]:
     """The files that no output may replace."""
     single = ("cameras", "images", "opk", "micmac_measures", "micmac_points", *OTHERS)
-    several = ("measures", "control", "lengths", "positions", "obs", "cor")
+    several = ("measures", "control", "check_points", "lengths", "positions", "obs", "cor")
     found = [path for name in single if (path := getattr(arguments, name))]
     found += [file for folder in found if folder.is_dir() for file in folder.iterdir()]
     return found + [p for name in several for p in getattr(arguments, name) or ()]
@@ -81,30 +89,49 @@ def inputs(arguments: argparse.Namespace) -> list[Path]:
 def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | tuple[str, ...]]:
     """The block that the options name, and its datum: the one asked for, or that of the file."""
     given = {name: getattr(arguments, name) for name in OTHERS if getattr(arguments, name)}
-    tables = any((arguments.cameras, arguments.images, arguments.measures, arguments.opk))
+    tables = any((arguments.cameras, arguments.images, arguments.opk, arguments.measures and not given))
     if len(given) + tables != 1:
         listed = ", ".join(f"--{name}" for name in OTHERS)
         raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {listed}")
     datum: str | tuple[str, ...] = arguments.datum or DATUMS[0]
     if given:
-        from obseq.formats.blocks.placing import bring_to_control
-
         (kind, path), *_ = given.items()
         block = _read_other(arguments, kind, path)
         with noting(block.notes):
             _weigh(block, kind, arguments)
-            _add_control(block, arguments)
-            if arguments.control:
-                bring_to_control(block)
+            _add_marks(block, arguments)
         if block.datum_points and not (arguments.datum or arguments.control):
             datum = block.datum_points
     else:
         block = _read_tables(arguments)
     with noting(block.notes):
+        put_ground(block, arguments)
         _add_observations(block, arguments)
+        if given or arguments.control_crs or arguments.positions_crs:
+            _bring(block, arguments)
+        if not given and arguments.opk:
+            _check_convention(block, arguments)
         if arguments.freeze:
             block.freeze_parameters(arguments.freeze)
+        if arguments.free:
+            block.free_parameters(arguments.free)
     return block, datum
+
+
+def _bring(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    """Moves a block to what the options say of the world; a block that says it itself stays where it is."""
+    from obseq.formats.blocks.placing import bring_to_control
+
+    if arguments.control or arguments.positions or block.antennas:
+        bring_to_control(block)
+
+
+def _add_marks(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    """Adds marks of further points to a block of another program."""
+    from obseq.formats.blocks.tables import add_measures
+
+    for path in arguments.measures or ():
+        add_measures(block, path, arguments.image_sigma, _weighting(arguments))
 
 
 def _read_other(arguments: argparse.Namespace, kind: str, path: Path) -> BundleAdjustment:
@@ -141,13 +168,6 @@ def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], Bundle
     }
 
 
-def _add_control(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
-    from obseq.formats.blocks.tables import add_control
-
-    for path in arguments.control:
-        add_control(block, path, arguments.control_sigma)
-
-
 def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
     from obseq.formats.blocks.tables import BlockFiles, add_cameras, add_measures
     from obseq.images import BundleAdjustment
@@ -159,15 +179,14 @@ def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
     block = BundleAdjustment()
     if not arguments.opk:
         sigmas = arguments.image_sigma, arguments.control_sigma
-        files = arguments.cameras, arguments.images, arguments.measures, arguments.control
-        BlockFiles(*files, *sigmas).fill(block, _weighting(arguments))
+        BlockFiles(arguments.cameras, arguments.images, arguments.measures, (), *sigmas).fill(
+            block, _weighting(arguments)
+        )
         return block
     add_cameras(block, arguments.cameras)
     _add_opk(block, arguments)
-    _add_control(block, arguments)
     for path in arguments.measures:
         add_measures(block, path, arguments.image_sigma, _weighting(arguments))
-    _check_convention(block, arguments)
     return block
 
 
@@ -224,21 +243,14 @@ def _weighting(arguments: argparse.Namespace) -> Weighting | None:
 
 
 def _weigh(block: BundleAdjustment, kind: str, arguments: argparse.Namespace) -> None:
-    """Gives the measures of another program the weights that the options ask for.
-
-    Raises:
-        InputError: a sigma is given for files that say their own.
-    """
+    """Gives the measures of another program the weights that the options ask for."""
     from obseq.images import Weighting
 
     weighting = _weighting(arguments)
-    if weighting is None and arguments.image_sigma is not None:
+    if weighting is None and arguments.image_sigma is not None and kind in (*WITHOUT_SIGMAS, *WITH_SIGMAS):
+        weighting = Weighting(arguments.image_sigma)
         if kind in WITH_SIGMAS:
-            raise InputError(
-                f"--{kind}: its files have sigmas of the measures; leave out --image-sigma "
-                "(with --attenuation or --threshold it replaces them)"
-            )
-        weighting = Weighting(arguments.image_sigma) if kind in WITHOUT_SIGMAS else None
+            block.notes.append(f"the sigmas of the files are replaced by {arguments.image_sigma:g} px")
     if weighting is not None:
         block.weigh_measures(weighting)
 
@@ -249,7 +261,7 @@ def _add_observations(block: BundleAdjustment, arguments: argparse.Namespace) ->
     for path in arguments.lengths:
         add_lengths(block, path)
     for path in arguments.positions:
-        observe_positions(block, path)
+        observe_positions(block, path, carried_by(arguments))
     if bool(arguments.obs) != bool(arguments.cor):
         raise InputError("--obs and --cor go together: survey observations and the points they start from")
     if arguments.obs:

@@ -178,6 +178,8 @@ def _floats(equations: Equations) -> bool:
     tied: list[Sized] = [
         block.surveys,
         block.pose_observations,
+        block.antennas,
+        block.shutters,
         block.instruments.inclinations if block.instruments.vertical_is_free else (),
         block.fixed_centres,
         block.fixed_rotations,

@@ -12,6 +12,7 @@ from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
 from obseq.images.adjustment.far_points import are_far
 from obseq.images.adjustment.quality import measure_reliability
+from obseq.images.adjustment.referenced import Referenced
 from obseq.images.adjustment.rigid_equations import residuals_of
 from obseq.images.adjustment.weakness import weakness
 from obseq.images.names import index_of
@@ -84,7 +85,7 @@ class Statistics:
 
 
 @dataclass(frozen=True, eq=False)
-class BundleSolution:
+class BundleSolution(Referenced):
     """An adjusted block; everything belongs to the same, final, state.
 
     Precisions are a posteriori (scaled by sigma0^2) where there is redundancy, else a priori.

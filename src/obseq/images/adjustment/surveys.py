@@ -63,7 +63,10 @@ def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list
         for own, other in shared:
             if not np.isfinite(known[own]).all():
                 known[own] = coordinates[other]
-        found = replace(network, points=replace(network.points, coordinates=known)).initial_values()
+        # all heights are unknowns: the images may observe those that the survey does not
+        work = replace(network.fieldwork, points=replace(network.points, coordinates=known))
+        found = work.initial_values()
+        found.require_complete()
         for own, other in shared:
             if not np.isfinite(coordinates[other]).all():
                 coordinates[other] = found.coordinates[own]

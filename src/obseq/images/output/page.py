@@ -9,6 +9,7 @@ import numpy as np
 from obseq.images.output.arrays import arrays_of, interior, suspected_measures
 from obseq.images.output.control_page import BAD, MOST_ROWS, instruments, largest_tests, reliability, table
 from obseq.images.output.drawings import arrows, grid_of, histogram, radial_profile, undistorted_grid
+from obseq.images.output.references_told import check_points, references
 from obseq.images.output.summary import by_reason, suspected, tested
 from obseq.images.output.views import plan_and_side
 from obseq.report.html import escaped
@@ -191,6 +192,9 @@ def _points(block: BlockArrays, record: BundleRecord) -> Iterator[str]:
         ]
         heads = ("point", "rays", "rms px", "dx", "dy", "dz")
         yield f"<h2>Control points, adjusted minus given</h2>{table(heads, rows, len(control))}"
+    if record.check_points or record.antennas or record.shutters:
+        told = escaped(check_points(record) + references(record))
+        yield f"<h2>Check points and references</h2><pre>{told}</pre>"
     yield f"<h2>Points, largest rms first</h2>{_by_point(record, block.largest)}"
 
 
