@@ -88,7 +88,13 @@ def drawn_at(place: FloatArray, x: float, y: float) -> tuple[float, float, float
 
 @compiled
 def render(
-    table: FloatRows, grid: FloatArray, place: FloatArray, corner: FloatArray, samples: int, out: FloatRows
+    table: FloatRows,
+    grid: FloatArray,
+    place: FloatArray,
+    corner: FloatArray,
+    samples: int,
+    generator: int,
+    out: FloatRows,
 ) -> None:
     """The drawing as a camera without blur sees it: the mean over each pixel.
 
@@ -97,20 +103,21 @@ def render(
         grid: (3,) column and line of the middle of the figure in the table, and cells in a unit.
         place: (10,).
         corner: (2,) of the window.
-        samples: across a pixel.
+        samples: in a pixel.
+        generator: of their lattice: each has its own column and line, so that edges along those of the image
+            are not seen in steps.
         out: (height, width) written.
     """
-    step, first = 1.0 / samples, 0.5 / samples - 0.5
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):
             total = 0.0
             for k in range(samples):
-                line = corner[1] + j + first + k * step
-                for n in range(samples):
-                    x, y, depth = drawn_at(place, corner[0] + i + first + n * step, line)
-                    if depth > NEAREST:
-                        total += table_at(table, grid, x, y)
-            out[j, i] = total / (samples * samples)
+                u = corner[0] + i + (k + 0.5) / samples - 0.5
+                v = corner[1] + j + ((k * generator) % samples + 0.5) / samples - 0.5
+                x, y, depth = drawn_at(place, u, v)
+                if depth > NEAREST:
+                    total += table_at(table, grid, x, y)
+            out[j, i] = total / samples
 
 
 @compiled
