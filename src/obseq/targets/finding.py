@@ -54,7 +54,6 @@ class Target:
         fit: of its drawing: place, covariance, light.
         margins: (bits,) distance of each bit from the middle, in half contrasts; none without code.
         corrected: bits that were read otherwise.
-        ellipse: (2,) centre of the ellipse that the central figure's edge is in the image, pixels.
         oddest: largest difference of a part of it from the drawing, in contrasts.
     """
 
@@ -63,7 +62,6 @@ class Target:
     fit: Fit
     margins: FloatArray
     corrected: int
-    ellipse: FloatArray
     oddest: float
 
     @property
@@ -80,6 +78,11 @@ class Target:
     def centre(self) -> FloatArray:
         """(2,) image of the centre, pixels."""
         return self.fit.placed.centre
+
+    @property
+    def ellipse(self) -> FloatArray:
+        """(2,) centre of the ellipse that the central figure's edge is in the image, pixels."""
+        return self.fit.placed.ellipse[0]
 
     @property
     def covariance(self) -> FloatRows:
@@ -301,8 +304,7 @@ class _Search:
 
 
 def _target(one: _Set, reading: Reading, fit: Fit, oddest: float) -> Target:
-    ellipse = ellipse_centre(fit.placed)
-    return Target(reading.name, one.spec, fit, reading.margins, reading.corrected, ellipse, oddest)
+    return Target(reading.name, one.spec, fit, reading.margins, reading.corrected, oddest)
 
 
 def _overlap(one: Target, other: Target) -> bool:
@@ -311,14 +313,3 @@ def _overlap(one: Target, other: Target) -> bool:
         covered_by(a.fit.placed, np.array(a.spec.geometry.sheet), b.centre[None])[0]
         for a, b in ((one, other), (other, one))
     )
-
-
-def ellipse_centre(placed: Placed) -> FloatArray:
-    """(2,) centre of the image of the unit circle, pixels: that of the circle moves off with the perspective.
-
-    The circle's dual conic is diag(1, 1, -1); its image's centre is the pole of the line at infinity.
-    """
-    g = placed.perspective
-    away = placed.matrix @ g / (1.0 - float(g @ g))
-    found: FloatArray = placed.centre - away
-    return found
