@@ -96,15 +96,34 @@ def test_a_regular_system_is_left_as_it_is():
     np.testing.assert_allclose(solver.solve(np.eye(24)), np.linalg.inv(matrix), atol=1e-12)
 
 
-def test_a_direction_that_is_not_loose_is_refused():
-    _, matrix = free_network()
+@pytest.mark.parametrize("name", ["dense", "superlu"])
+@pytest.mark.parametrize("weight", [1e-9, 1.0])
+def test_what_is_held_is_held_whatever_observations_say_of_it(name, weight):
+    """A scale that is seen by something, weakly or well, beside the three motions that nothing sees."""
+    points, matrix = free_network()
+    chosen = np.arange(24) < 14
+    arms = (points - points.mean(axis=0)).ravel() / 50.0
+    seen = np.random.default_rng(2).normal(size=24)
+    kernel = np.linalg.svd(matrix)[0][:, -3:]
+    seen -= kernel @ (kernel.T @ seen)
+    matrix = matrix + weight * np.outer(seen, seen)
     pattern, values = SymmetricPattern.of(matrix)
-    along = np.random.default_rng(2).normal(size=(len(matrix), 1))
-    chosen = np.ones(len(matrix), np.bool_)
-    solver = DatumSolver(choose_solver(pattern, "dense"), chosen, lambda: 0.0 * along[:, 0], loose=along)
+    motions = np.column_stack([kernel, arms])
+    along = np.where(chosen[:, None], motions, 0.0)
+    offset = np.random.default_rng(1).normal(size=24)
+    solver = DatumSolver(choose_solver(pattern, name), chosen, lambda: offset, loose=lambda: along)
     solver.analyse(pattern)
-    with pytest.raises(InputError, match="direction 0 of the datum, said to be loose, is determined"):
-        solver.factor(values)
+    solver.factor(values)
+    expected = bordered_inverse(matrix, motions, chosen)
+    scale = np.abs(expected).max()
+    assert solver.dimension == 4
+    np.testing.assert_allclose(solver.solve(np.eye(24)), expected, atol=1e-9 * scale)
+    found = solver.selected_inverse()
+    np.testing.assert_allclose(found, expected[pattern.indices, pattern.columns()], atol=1e-9 * scale)
+    end = solver.settle(np.zeros(24))
+    np.testing.assert_allclose(along.T @ (end + offset), 0.0, atol=1e-9)
+    free = expected @ np.random.default_rng(3).normal(size=24)
+    assert free @ matrix @ end == pytest.approx(0.0, abs=1e-9 * np.abs(matrix).max())
 
 
 def test_a_datum_of_one_point_does_not_fix_a_rotation():

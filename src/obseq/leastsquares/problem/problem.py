@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.batches import Labels
     from obseq.leastsquares.problem.clusters import Covariance
+    from obseq.leastsquares.problem.datum import Motions
     from obseq.leastsquares.problem.losses import Loss
 
 
@@ -251,7 +252,7 @@ class Problem:
         self,
         ids: ArrayLike,
         components: Sequence[str | int] | Sequence[Sequence[str | int]] | BoolArray | None = None,
-        loose: ArrayLike | None = None,
+        loose: Motions | None = None,
     ) -> None:
         """Puts a free network on a datum: the changes of these unknowns from their present values are least.
 
@@ -262,9 +263,10 @@ class Problem:
             ids: (n,) blocks of points, vectors or scalars; none for no datum. They may be eliminated ones.
             components: numbers or names of the components that count, for all blocks, or a list of them for
                 each; or (n, k) True for those that count; all when None.
-            loose: (n, size, k) movements of these blocks that are determined in appearance only: each of them
-                stands for one more free parameter (the turn about the vertical, where nothing but the
-                curvature of the Earth orients a network). Not for eliminated blocks.
+            loose: Values (n, size) of these blocks -> (n, size, k) their motions, about one unit long, along
+                directions that are held whatever the observations say of them, and count as free parameters
+                (the turn about the vertical, where nothing but the curvature of the Earth orients a network).
+                Those that are free are among them. Not for eliminated blocks.
 
         Raises:
             InputError: a rotation or a direction is among them, or movements do not fit.

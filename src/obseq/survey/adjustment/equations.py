@@ -133,8 +133,8 @@ class Equations:
         chosen[:, point_system.components] = points.in_datum & points.is_free
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
-            loose = loose_motions(self.system, self.points).points
-            self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
+            loose = loose_motions(self.system, self.points)
+            self.system.set_datum(self.points[rows], chosen[rows], loose.of(rows))
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}

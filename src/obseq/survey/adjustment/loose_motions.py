@@ -8,6 +8,7 @@ standard deviation is beyond a share of the size of the network. The rest is det
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,8 @@ from obseq.leastsquares.solvers import choose_solver
 from obseq.survey.adjustment.frame import MEAN_RADIUS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares import LeastSquares
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
@@ -37,15 +40,23 @@ HELD = 1e12
 
 @dataclass(frozen=True, eq=False)
 class LooseMotions:
-    """Independent motions of a network.
+    """Independent motions of a network, of root mean square 1.
 
     Attributes:
-        points: (n_points, 3, k) of the points.
         unknowns: (n_free, k) of the free unknowns of the normal equations.
+        parts: (n_points,) the part of each point, -1 where all of it is held.
+        middles: (n_points, 3) the middle of the part of each point.
+        shares: (7 n_parts, k) what the motions are made of, of shifts, turns and changes of scale of each part.
     """
 
-    points: FloatArray
     unknowns: FloatArray
+    parts: IntArray
+    middles: FloatArray
+    shares: FloatArray
+
+    def of(self, rows: IntArray) -> Callable[[FloatArray], FloatArray]:
+        """Coordinates (n, 3) of some points -> (n, 3, k) their motions."""
+        return partial(_moved_places, self.middles[rows], self.parts[rows], self.shares)
 
 
 def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
@@ -61,14 +72,17 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     normal = system.equations()
     table, places = normal.table, normal.table.start[points][:, None] + np.arange(3)
     numbers, coordinates = normal.free.number[places], table.values[places]
-    moves, extent = _similarities(coordinates, _parts(normal, numbers))
+    parts = _parts(normal, numbers)
+    middles, extent = _middles(coordinates, parts)
+    basic = np.eye(7 * (int(parts.max(initial=-1)) + 1))
+    moves = _moved_places(middles, parts, basic, coordinates)
     moves[numbers < 0] = 0.0
     unknowns, is_place = np.zeros((normal.pattern.n, moves.shape[2])), np.zeros(normal.pattern.n, np.bool_)
     unknowns[numbers[numbers >= 0]], is_place[numbers[numbers >= 0]] = moves[numbers >= 0], True
     try:
         unknowns = _with_others(normal, unknowns, is_place)
     except SingularMatrixError:  # with all points known, others are undetermined: no motion is to blame
-        return LooseMotions(moves[:, :, :0], unknowns[:, :0])
+        return LooseMotions(unknowns[:, :0], parts, middles, basic[:, :0])
     seen, weighted = _seen(normal, unknowns, is_place)
     size = np.einsum("pik,pil->kl", moves, moves) / len(moves)
     chosen, _ = _modes(seen, size)
@@ -76,7 +90,7 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     chosen = chosen[:, most <= max(DIRECT, 2.0 * extent / MEAN_RADIUS)]
     turned, weakest = _modes(weighted @ chosen, chosen.T @ size @ chosen)
     chosen = chosen @ turned[:, weakest * UNDETERMINED * extent < 1.0]
-    return LooseMotions(moves @ chosen, unknowns @ chosen)
+    return LooseMotions(unknowns @ chosen, parts, middles, chosen)
 
 
 def loose_error(system: LeastSquares, points: IntArray) -> SingularSystemError | None:
@@ -112,17 +126,33 @@ def _parts(normal: NormalEquations, numbers: IntArray) -> IntArray:
     return parts
 
 
-def _similarities(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray, float]:
-    """(n, 3, 7 k) shifts, turns and change of scale of each part, about its middle; size of the largest."""
-    count, found, extent = int(parts.max(initial=-1)) + 1, [np.zeros((*coordinates.shape, 0))], 0.0
-    for part in range(count):
+def _middles(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray, float]:
+    """(n, 3) the middle of the part of each point; the size of the largest part."""
+    middles, extent = np.zeros_like(coordinates), 0.0
+    for part in range(int(parts.max(initial=-1)) + 1):
         own = parts == part
-        arms = np.where(own[:, None], coordinates - coordinates[own].mean(axis=0), 0.0)
+        middles[own] = coordinates[own].mean(axis=0)
         extent = max(extent, size_of(coordinates[own]))
-        shifts = own[:, None, None] * np.eye(3)
-        turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
-        found.append(np.concatenate([shifts, turns, arms[:, :, None]], axis=2))
-    return np.concatenate(found, axis=2), extent
+    return middles, extent
+
+
+def _moved_places(
+    middles: FloatArray, parts: IntArray, shares: FloatArray, coordinates: FloatArray
+) -> FloatArray:
+    """(n, 3, k) motions of places (n, 3), made of shifts, turns and changes of scale of their parts.
+
+    Args:
+        middles: (n, 3) the middles of their parts.
+        parts: (n,) their parts; what has -1 stays.
+        shares: (7 n_parts, k) of what the motions are made.
+        coordinates: (n, 3) the places.
+    """
+    arms = coordinates - middles
+    shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
+    turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
+    own = np.concatenate([shifts, turns, arms[:, :, None]], axis=2)
+    each = np.vstack([shares, np.zeros((7, shares.shape[1]))]).reshape(len(shares) // 7 + 1, 7, shares.shape[1])
+    return np.asarray(own @ each[parts])
 
 
 def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:
