@@ -111,7 +111,7 @@ def test_what_is_held_is_held_whatever_observations_say_of_it(name, weight):
     motions = np.column_stack([kernel, arms])
     along = np.where(chosen[:, None], motions, 0.0)
     offset = np.random.default_rng(1).normal(size=24)
-    solver = DatumSolver(choose_solver(pattern, name), chosen, lambda: offset, loose=lambda: along)
+    solver = DatumSolver(choose_solver(pattern, name), chosen, lambda: offset, None, lambda: along, 4)
     solver.analyse(pattern)
     solver.factor(values)
     expected = bordered_inverse(matrix, motions, chosen)

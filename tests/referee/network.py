@@ -112,7 +112,7 @@ class Network:
 
 
 def loose_motions(network, unknowns, seen_by, white):
-    """Coordinates (n, 3) -> (3n, d) similarities of the network, instruments following, that are free or loose.
+    """Coordinates (n, 3) -> (3n, d) similarities of the network that are free or loose; instruments follow.
 
     An equation sees curvature only of a motion where that is a thousandth, or the size of the network over
     the radius of the Earth, of what it sees of its points, or less. A motion of which all equations see

@@ -175,8 +175,10 @@ class Analysis:
             chosen[:] = True
             beyond = Beyond(scalars, equations.extended, partial(_change, table, scalars, reference))
         offset = partial(_scattered, table, scalars[inside], reference[inside], numbers[inside], len(chosen))
-        directions = partial(_directions, table, datum, inside, numbers[inside], len(chosen))
-        return DatumSolver(solver, chosen, offset, beyond, directions)
+        weak = partial(_directions, table, datum, inside, numbers[inside], len(chosen))
+        is_whole = not equations.viscosities and equations.n_unknowns == equations.pattern.n
+        seen = equations.seen if is_whole else None
+        return DatumSolver(solver, chosen, offset, beyond, weak, datum.n_held, seen)
 
 
 class Analyses:
@@ -289,8 +291,8 @@ def _scattered(
 def _directions(
     table: UnknownTable, datum: Datum, inside: BoolArray, numbers: IntArray, n: int
 ) -> FloatArray:
-    """(n, k) what unknowns of the matrix do now along directions that their datum holds."""
-    moves = datum.loose(table.values)[inside]
+    """(n, k) what unknowns of the matrix do now along the weak directions of their datum."""
+    moves = datum.weak(table.values)[inside]
     found = np.zeros((n, moves.shape[1]))
     found[numbers] = moves
     return found

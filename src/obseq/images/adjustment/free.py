@@ -68,7 +68,7 @@ def solve_free(
     for ids, values in zip(groups, before, strict=True):
         system.set_values(ids, values)
     # the datum keeps the present values as its reference
-    system.set_datum(chosen, loose=partial(_motions, equations) if _floats(equations) else None)
+    system.set_datum(chosen, motions=partial(_motions, equations) if _floats(equations) else None)
     for ids, values in zip(groups, after, strict=True):
         system.set_values(ids, values)
     result, more = _on_datum(system, damped, covariance, solving)

@@ -41,8 +41,8 @@ class DampedPath:
 
     So an unknown that loses its influence does not run away. Points that move in their inverse distance may:
     theirs is the present diagonal. A matrix that is singular from the start is
-    damped; its defect is counted, and stays the same or shrinks. A damped matrix needs no datum: full steps
-    end on it, wherever damped ones have led.
+    damped; its defect is counted, and stays the same or shrinks. A damped matrix needs no datum for what is
+    free: full steps end on it, wherever damped ones have led.
 
     Args:
         equations: The system.
@@ -60,7 +60,7 @@ class DampedPath:
     ) -> None:
         self._equations = equations
         self._solver = self._used = solver
-        self._of_damped = solver.behind if isinstance(solver, DatumSolver) else solver
+        self._of_damped = solver.of_damped if isinstance(solver, DatumSolver) else solver
         self._floor = np.zeros(equations.pattern.n)
         self._seen = equations.table.is_seen[equations.free.scalars]
         self._given = damping

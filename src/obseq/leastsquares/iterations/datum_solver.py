@@ -6,24 +6,29 @@ values of the chosen unknowns D: the sum of squares of their changes is minimal,
 Motions that the observations show too weakly to count are held in the same way, whatever N makes of them:
 C = G_D has a column for each of these, and for each vector of the kernel.
 
-The solution of N x = r with C' x = 0 comes from a sparse factor of M = N + E W E', in which as many unknowns
-E as C has columns are held by weights (which ones changes only rounding). Within the datum, the inverse of M is
+The solution of N x = r with C' x = 0 comes from a sparse factor of M = N + V V'. V has one entry in each
+column: as many unknowns as C has columns are held by weights (which ones changes only rounding). Within the
+datum, the inverses of M and N are
 
-    P = M^-1 - M^-1 C (C' M^-1 C)^-1 C' M^-1,    that of N    Q = P + Z (I - V' Z)^-1 Z',    V = E W^(1/2), Z = P V.
+    P = M^-1 - M^-1 C (C' M^-1 C)^-1 C' M^-1,    Q = P + Z (I - V' Z)^-1 Z',  Z = P V.
 
 So the factor stays sparse, and precisions cost two extra solutions for each column of C. Where N G = 0, Q is
 the S-transformation of any generalised inverse (W. Baarda, S-transformations and criterion matrices, 1973).
+
+Motions that are determined, but weakly, are held in M too, not in C. So M is well conditioned, and only the
+small matrix I - V' Z has what N says of them: half of its digits. The rows of the equations have the others.
 """
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, SingularMatrixError
+from obseq.leastsquares.solvers import InverseParts
 from obseq.leastsquares.solvers.rank import LARGEST_EXAMINED, leading_rows, replacement_pivots
 
 if TYPE_CHECKING:
@@ -35,8 +40,11 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solvers import Defect, Solver, SolverStatistics, SymmetricPattern
 
 
-ROUNDING = 1e-14
-"""Share of a variance that the datum leaves as rounding: what it alone determines has none."""
+Seen: TypeAlias = "Callable[[FloatArray], FloatArray]"
+"""Directions (n, k) -> (m, k) what the equations see of them, over sigmas."""
+
+WEAK = 1e-6
+"""Share of what holds a direction that N adds: below, N has too few digits of it, and the rows are asked."""
 
 WEAKEST_DATUM = 1e-12
 """Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""
@@ -57,26 +65,38 @@ class Border:
     motions: FloatArray
 
     @classmethod
-    def of(cls, solver: Solver, held: FloatArray, datum: FloatArray) -> Border:
-        """Of a factor of M, V (n, k) and C (n, k)."""
-        from scipy.linalg import cholesky, solve_triangular
+    def of(cls, solver: Solver, held: FloatArray, datum: FloatArray, seen: Seen | None) -> Border:
+        """Of a factor of M, V (n, q) and C (n, k); of what equations see of directions."""
+        from scipy.linalg import block_diag, cholesky, solve_triangular
 
-        through = solver.solve(np.hstack([datum, held]))
-        of_datum, of_held = np.hsplit(through, 2)
+        count = datum.shape[1]
+        of_datum, of_held = np.split(solver.solve(np.hstack([datum, held])), [count], axis=1)
         root = cholesky(datum.T @ of_datum, lower=True)
         first = solve_triangular(root, of_datum.T, lower=True).T
         last = of_held - first @ (first.T @ held)
-        count = held.shape[1]
-        core = np.zeros((2 * count, 2 * count))
-        core[:count, :count] = -np.eye(count)
-        inner = np.linalg.inv(np.eye(count) - held.T @ last)
-        core[count:, count:] = (inner + inner.T) / 2.0
+        inner = _released(held.T @ last, last, seen)
         alone = solve_triangular(root, first.T, lower=True, trans=1).T
-        return cls(np.hstack([first, last]), core, alone + last @ (inner @ (held.T @ alone)))
+        motions = alone + last @ (inner @ (held.T @ alone))
+        return cls(np.hstack([first, last]), block_diag(-np.eye(count), inner), motions)
 
     def times(self, right: FloatArray) -> FloatArray:
         """What is added of right-hand sides (n,) or (n, k)."""
         return np.asarray(self.vectors @ (self.core @ (self.vectors.T @ right)))
+
+
+def _released(kept: FloatArray, directions: FloatArray, seen: Seen | None) -> FloatArray:
+    """(I - H)^-1 of H = V' Z (q, q), Z = P V the directions (n, q).
+
+    What the difference leaves of weak directions is rounding. But Z' N Z = H (I - H), and what the rows of
+    the equations see of Z, the root of it, has its digits.
+    """
+    shares, turned = np.linalg.eigh((kept + kept.T) / 2.0)
+    rest = np.diag(1.0 - shares)
+    weak = shares > 1.0 - WEAK
+    if seen is not None and weak.any():
+        rows = seen(directions @ (turned[:, weak] / np.sqrt(shares[weak])))
+        rest[np.ix_(weak, weak)] = rows.T @ rows
+    return np.asarray(turned @ np.linalg.inv(rest) @ turned.T)
 
 
 @dataclass(frozen=True)
@@ -110,8 +130,9 @@ class DatumSolver:
         offset: Gives x - x0, how far the unknowns (n,) are now from their reference.
         beyond: the datum itself, where some of its unknowns are not in the matrix; `chosen` then makes no
             more than the solutions of the matrix definite.
-        loose: Gives (n, k) what the datum's unknowns do now along directions that are held whatever the
-            matrix makes of them; the others follow as the matrix says.
+        weak: Gives (n, q) what the datum's unknowns do now along directions that are weakly determined.
+        n_held: How many of these, the first ones, are held whatever the matrix makes of them.
+        seen: What equations see of directions, where they are what makes the matrix.
     """
 
     def __init__(
@@ -120,9 +141,13 @@ class DatumSolver:
         chosen: BoolArray,
         offset: Callable[[], FloatArray],
         beyond: Beyond | None = None,
-        loose: Callable[[], FloatArray] | None = None,
+        weak: Callable[[], FloatArray] | None = None,
+        n_held: int = 0,
+        seen: Seen | None = None,
     ) -> None:
-        self._loose = loose or partial(np.zeros, (len(chosen), 0))
+        self._weak = weak or partial(np.zeros, (len(chosen), 0))
+        self._n_held = n_held
+        self._seen = seen
         self._beyond = beyond
         self._solver = solver
         self._chosen = chosen
@@ -133,15 +158,23 @@ class DatumSolver:
         self._border: Border | None = None
         self._pattern: SymmetricPattern | None = None
 
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_seen": None}  # equations belong to who factors, not to who solves
+
     @property
     def name(self) -> str:
         """Name of the solver behind."""
         return self._solver.name
 
     @property
-    def behind(self) -> Solver:
-        """The solver of regular systems: of damped ones, which need no datum."""
-        return self._solver
+    def of_damped(self) -> Solver:
+        """The solver of damped matrices, which need no datum for what is free; held motions stay still."""
+        if not self._n_held:
+            return self._solver
+        still = partial(np.zeros, len(self._chosen))
+        damped = DatumSolver(self._solver, self._chosen, still, None, self._weak, self._n_held)
+        damped._pattern = self._pattern
+        return damped
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -175,16 +208,17 @@ class DatumSolver:
             SingularMatrixError: The defect has grown since the first factorisation.
         """
         self._is_factored = False
-        loose = self._loose()
+        weak = self._weak()
+        loose = weak[:, : self._n_held]
         _fixed(loose)
         if self._held is None:
-            self._hold(values, loose)
+            self._hold(values, weak)
         else:
             self._solver.factor(self._regularised(values))
-        kernel = np.where(self._chosen[:, None], self._kernel_of(values, loose.shape[1]), 0.0)
+        kernel = np.where(self._chosen[:, None], self._kernel_of(values, weak.shape[1]), 0.0)
         _fixed(kernel)
-        self._datum = np.hstack([loose, kernel])
-        self._border = Border.of(self._solver, self._pulls(values), self._datum) if self.dimension else None
+        self._datum, pulls = np.hstack([loose, kernel]), self._pulls(values)
+        self._border = Border.of(self._solver, pulls, self._datum, self._seen) if pulls.size else None
         self._is_factored = True
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
@@ -202,18 +236,14 @@ class DatumSolver:
             return np.asarray(step - kernel @ self._beyond.shift(step, kernel))
         return np.asarray(step - self._border.motions @ (self._datum.T @ (step + self._offset())))
 
+    def inverse_parts(self) -> InverseParts:
+        """Q on the pattern: that of M, and what makes it that of N on the datum."""
+        regular, border = self._solver.inverse_parts(), self._border
+        return regular if border is None else InverseParts(regular.values, border.vectors, border.core)
+
     def selected_inverse(self) -> FloatArray:
         """(nnz,) entries of Q on the pattern."""
-        pattern, entries = self._pattern_analysed, self._solver.selected_inverse()
-        if self._border is None:
-            return entries
-        before = entries[pattern.diagonal]
-        rows, columns, vectors = pattern.indices, pattern.columns(), self._border.vectors
-        for one, share in zip(vectors.T, (vectors @ self._border.core).T, strict=True):
-            entries += one[rows] * share[columns]
-        is_none = ~(entries[pattern.diagonal] > ROUNDING * before)
-        entries[is_none[rows] | is_none[columns]] = 0.0
-        return entries
+        return self.inverse_parts().whole(self._pattern_analysed)
 
     def defect(self) -> Defect:
         """Empty after a successful factorisation: the datum takes the defect away."""
@@ -223,14 +253,14 @@ class DatumSolver:
         """(n, k) orthonormal basis of what the datum takes away."""
         return self._datum if self._border is None else np.linalg.qr(self._border.motions)[0]
 
-    def _hold(self, values: FloatArray, loose: FloatArray) -> None:
-        """Factors with as many unknowns held as are loose, and as many more as there is a kernel left.
+    def _hold(self, values: FloatArray, weak: FloatArray) -> None:
+        """Factors with as many unknowns held as directions are weak, and as many more as a kernel is left.
 
         Where the matrix has weak directions too, rounding hides a part of its kernel until the rest is held.
-        Of all unknowns those are held that tell loose directions, or vectors of the kernel, best apart: what
+        Of all unknowns those are held that tell weak directions, or vectors of the kernel, best apart: what
         has little part in them would leave pivots that are made of rounding.
         """
-        first = self._apart(values, loose)
+        first = self._apart(values, weak)
         held: IntArray = np.zeros(0, dtype=np.int64)
         while True:
             self._held = np.concatenate([first, held])
@@ -286,12 +316,12 @@ class DatumSolver:
         pulls[self._held_unknowns, np.arange(pulls.shape[1])] = np.sqrt(self._weights(values))
         return pulls
 
-    def _kernel_of(self, values: FloatArray, loose: int) -> FloatArray:
-        """(n, k) orthonormal kernel of N and what holds loose directions, the first unknowns that are held.
+    def _kernel_of(self, values: FloatArray, weak: int) -> FloatArray:
+        """(n, k) orthonormal kernel of N and what holds weak directions, the first unknowns that are held.
 
         M is this N + V V', so that N z = 0 means z = M^-1 V V' z.
         """
-        pulls = self._pulls(values)[:, loose:]
+        pulls = self._pulls(values)[:, weak:]
         start, vectors = np.eye(pulls.shape[1]), pulls
         for _ in range(2 if pulls.size else 0):
             vectors = np.linalg.qr(self._solver.solve(pulls @ start))[0]

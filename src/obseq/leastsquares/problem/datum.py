@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -30,18 +31,19 @@ class Datum:
     Attributes:
         scalars: positions of the unknowns whose changes are least; none without a datum.
         reference: their values when it was set.
-        blocks: (n, size) positions of the unknowns of the blocks that move along loose directions.
-        motions: What these blocks do along directions whose determination does not count: they are as good
-            as free; None where there are none.
+        blocks: (n, size) positions of the unknowns of the blocks that have motions.
+        motions: What these blocks do along directions that the equations determine weakly; None for none.
+        n_held: How many of these, the first ones, are held as if they were free.
     """
 
     scalars: IntArray
     reference: FloatArray
     blocks: IntArray
     motions: Motions | None = None
+    n_held: int = 0
 
-    def loose(self, values: FloatArray) -> FloatArray:
-        """(n, k) what the unknowns of the datum do along loose directions, where all have these values.
+    def weak(self, values: FloatArray) -> FloatArray:
+        """(n, k) what the unknowns of the datum do along these directions, where all have these values.
 
         Raises:
             InputError: the motions are not of these blocks.
@@ -50,7 +52,9 @@ class Datum:
             return np.zeros((len(self.scalars), 0))
         moves = np.asarray(self.motions(values[self.blocks]), dtype=np.float64)
         if moves.ndim != 3 or moves.shape[:2] != self.blocks.shape:
-            raise InputError(f"datum: motions of shape {moves.shape} for unknowns of shape {self.blocks.shape}")
+            raise InputError(
+                f"datum: motions of shape {moves.shape} for unknowns of shape {self.blocks.shape}"
+            )
         found = np.zeros((len(values), moves.shape[2]))
         found[self.blocks] = moves
         return np.asarray(found[self.scalars])
@@ -61,7 +65,11 @@ NO_DATUM = Datum(_NONE, np.zeros(0), _NONE)
 
 
 def datum_of(
-    table: UnknownTable, ids: ArrayLike, components: object, loose: Motions | None = None
+    table: UnknownTable,
+    ids: ArrayLike,
+    components: object,
+    motions: Motions | None = None,
+    n_held: int | None = None,
 ) -> Datum:
     """The datum of blocks, at their present values; arguments as of `Problem.set_datum`.
 
@@ -74,10 +82,10 @@ def datum_of(
     if not blocks.size:
         return NO_DATUM
     chosen = np.unique(_scalars(table, blocks, components))
-    moving = table.scalars(blocks, "datum") if loose else _NONE
-    found = Datum(chosen, table.values[chosen], moving, loose)
-    found.loose(table.values)
-    return found
+    moving = table.scalars(blocks, "datum") if motions else _NONE
+    found = Datum(chosen, table.values[chosen], moving, motions)
+    weak = found.weak(table.values)
+    return replace(found, n_held=weak.shape[1] if n_held is None else n_held)
 
 
 def _scalars(table: UnknownTable, blocks: IntArray, components: object) -> IntArray:

@@ -40,15 +40,17 @@ HELD = 1e12
 
 @dataclass(frozen=True, eq=False)
 class LooseMotions:
-    """Independent motions of a network, of root mean square 1.
+    """Independent motions of a network that equations see through curvature at most, of root mean square 1.
 
     Attributes:
+        count: How many of them, the first ones, are free or loose; the others are determined.
         unknowns: (n_free, k) of the free unknowns of the normal equations.
         parts: (n_points,) the part of each point, -1 where all of it is held.
         middles: (n_points, 3) the middle of the part of each point.
-        shares: (7 n_parts, k) what the motions are made of, of shifts, turns and changes of scale of each part.
+        shares: (7 n_parts, k) of what shifts, turns and changes of scale of each part they are made.
     """
 
+    count: int
     unknowns: FloatArray
     parts: IntArray
     middles: FloatArray
@@ -82,24 +84,26 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     try:
         unknowns = _with_others(normal, unknowns, is_place)
     except SingularMatrixError:  # with all points known, others are undetermined: no motion is to blame
-        return LooseMotions(unknowns[:, :0], parts, middles, basic[:, :0])
-    seen, weighted = _seen(normal, unknowns, is_place)
+        return LooseMotions(0, unknowns[:, :0], parts, middles, basic[:, :0])
+    seen = _seen(normal, unknowns, is_place)
     size = np.einsum("pik,pil->kl", moves, moves) / len(moves)
     chosen, _ = _modes(seen, size)
     most = np.abs(seen @ chosen).max(axis=0, initial=0.0)
     chosen = chosen[:, most <= max(DIRECT, 2.0 * extent / MEAN_RADIUS)]
-    turned, weakest = _modes(weighted @ chosen, chosen.T @ size @ chosen)
-    chosen = chosen @ turned[:, weakest * UNDETERMINED * extent < 1.0]
-    return LooseMotions(unknowns @ chosen, parts, middles, chosen)
+    turned, weakest = _modes(normal.seen(unknowns @ chosen), chosen.T @ size @ chosen)
+    order = np.argsort(weakest)
+    chosen = chosen @ turned[:, order]
+    count = int(np.count_nonzero(weakest * UNDETERMINED * extent < 1.0))
+    return LooseMotions(count, unknowns @ chosen, parts, middles, chosen)
 
 
 def loose_error(system: LeastSquares, points: IntArray) -> SingularSystemError | None:
     """The error for motions that are free or loose; None where there are none. Arguments as of the latter."""
-    found = loose_motions(system, points).unknowns
-    if not found.shape[1]:
+    found = loose_motions(system, points)
+    if not found.count:
         return None
-    normal = system.equations()
-    return undetermined_error(normal.table, normal.free, normal.pattern, np.linalg.qr(found)[0])
+    normal, loose = system.equations(), np.linalg.qr(found.unknowns[:, : found.count])[0]
+    return undetermined_error(normal.table, normal.free, normal.pattern, loose)
 
 
 def size_of(coordinates: FloatArray) -> float:
@@ -151,7 +155,9 @@ def _moved_places(
     shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
     turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
     own = np.concatenate([shifts, turns, arms[:, :, None]], axis=2)
-    each = np.vstack([shares, np.zeros((7, shares.shape[1]))]).reshape(len(shares) // 7 + 1, 7, shares.shape[1])
+    each = np.vstack([shares, np.zeros((7, shares.shape[1]))]).reshape(
+        len(shares) // 7 + 1, 7, shares.shape[1]
+    )
     return np.asarray(own @ each[parts])
 
 
@@ -170,20 +176,14 @@ def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolAr
     return np.asarray(solver.solve(held[:, None] * unknowns))
 
 
-def _seen(
-    normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """(m, k) what equations see of motions, as shares of what they see of points; the same over sigmas."""
-    shares, weighted = [np.zeros((0, unknowns.shape[1]))], [np.zeros((0, unknowns.shape[1]))]
+def _seen(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:
+    """(m, k) what equations see of motions, as shares of what they see of points."""
+    shares = [np.zeros((0, unknowns.shape[1]))]
     for batch in (*normal.batches, *normal.constraints):
         moved, alone = _moved(normal, batch, unknowns, is_place)
         sees = batch.active & (alone > 0.0)
         shares.append(moved[sees] / alone[sees, None])
-        if batch.clusters is not None:
-            weighted.append(batch.whitening_matrix() @ moved)
-        elif batch not in normal.constraints:
-            weighted.append(moved * batch.weights[0, : batch.n, None])
-    return np.concatenate(shares), np.concatenate(weighted)
+    return np.concatenate(shares)
 
 
 def _moved(

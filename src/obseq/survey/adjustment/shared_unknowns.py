@@ -10,7 +10,6 @@ from obseq.errors import InputError
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
@@ -73,11 +72,10 @@ class SharedUnknowns:
             self._book.groups[owner].name: at for (owner, part), at in self._blocks.items() if part == "scale"
         }
 
-    def of_instruments(self, system: LeastSquares) -> Iterator[tuple[str, float]]:
-        """Names and present values (m, parts) of the unknowns of instruments and refraction."""
-        for (_, part), block in self._blocks.items():
-            if part in UNITS:
-                yield part, float(system.values([block])[0, 0])
+    def corrections(self) -> tuple[float, ...]:
+        """Present values (m, parts) of the unknowns of instruments and refraction."""
+        blocks = [block for (_, part), block in self._blocks.items() if part in UNITS]
+        return tuple(float(self._system.values([block])[0, 0]) for block in blocks)
 
     def _require_axes(self, rows: IntArray) -> None:
         """Raises InputError for an axis whose direction no target gives."""
