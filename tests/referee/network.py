@@ -139,9 +139,25 @@ def loose_motions(network, unknowns, seen_by, white):
     modes = np.linalg.svd(shares)[2].T
     seen = np.abs(shares @ modes).max(axis=0)
     curved = modes[:, seen <= max(1e-3, 2 * extent / MEAN_RADIUS)]
-    _, weights, turned = np.linalg.svd(white @ (motions @ curved), full_matrices=False)
+    _, weights, turned = np.linalg.svd(least(white, points @ curved), full_matrices=False)
     shares = (made_of @ curved @ turned.T)[:, weights * 0.01 * extent < 1.0]
     return lambda places: basic(places) @ shares
+
+
+def least(white, points):
+    """(m, k) the least that rows see where points (3n, k) move on the whole, all unknowns as they like.
+
+    What the points do has a mean product of 1 with one motion, of 0 with the others.
+    """
+    n, k = points.shape
+    if not k:
+        return white[:, :0]
+    rest = np.zeros((white.shape[1], white.shape[1] - k))
+    rest[:n, : n - k] = np.linalg.svd(points)[0][:, k:]
+    rest[n:, n - k :] = np.eye(len(rest) - n)
+    rows, free = white[:, :n] @ points, white @ rest
+    scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
+    return rows - free @ (np.linalg.lstsq(free / scale, rows, rcond=1e-12)[0] / scale[:, None])
 
 
 class Unknowns:

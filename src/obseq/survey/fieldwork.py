@@ -183,10 +183,12 @@ class Fieldwork:
         adjustment = released._adjusted_as_given(computation, strict=strict, start=start)
         if before is None:
             return replace(adjustment, warnings=(*told, *adjustment.warnings))
+        told_before = {item.what for item in before.left_out}
+        more = tuple(item for item in adjustment.left_out if item.what not in told_before)
         return replace(
             adjustment,
-            warnings=(*told, *before.warnings),
-            left_out=before.left_out,
+            warnings=(*told, *(item.sentence() for item in more), *before.warnings),
+            left_out=(*before.left_out, *more),
             replaced=before.replaced,
             diagnosis=before.diagnosis if before.gross_errors else adjustment.diagnosis,
         )

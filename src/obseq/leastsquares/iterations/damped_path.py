@@ -60,7 +60,6 @@ class DampedPath:
     ) -> None:
         self._equations = equations
         self._solver = self._used = solver
-        self._of_damped = solver.of_damped if isinstance(solver, DatumSolver) else solver
         self._floor = np.zeros(equations.pattern.n)
         self._seen = equations.table.is_seen[equations.free.scalars]
         self._given = damping
@@ -176,7 +175,9 @@ class DampedPath:
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # far out; what is not finite is an error then
                 linearisation = equations.damped(damping, floor)
-            self._used = self._of_damped if damping else self._solver
+            self._used = self._solver
+            if damping and isinstance(self._solver, DatumSolver):
+                self._used = self._solver.of_damped(damping * floor)
             offset, self._share = self._towards(factor_unexplained(self._used, linearisation))
         except (SingularMatrixError, SingularSystemError) as error:
             self._lost = len(error.indices) if isinstance(error, SingularMatrixError) else 0

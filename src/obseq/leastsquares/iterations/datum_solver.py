@@ -96,7 +96,14 @@ def _released(kept: FloatArray, directions: FloatArray, seen: Seen | None) -> Fl
     if seen is not None and weak.any():
         rows = seen(directions @ (turned[:, weak] / np.sqrt(shares[weak])))
         rest[np.ix_(weak, weak)] = rows.T @ rows
+    if not np.linalg.eigvalsh(rest).min(initial=1.0) > 0.0:
+        raise SingularMatrixError(np.zeros(0, np.int64), np.zeros(0))
     return np.asarray(turned @ np.linalg.inv(rest) @ turned.T)
+
+
+def _seen_damped(seen: Seen, roots: FloatArray, directions: FloatArray) -> FloatArray:
+    """What equations and a damping, whose roots are (n, 1), see of directions (n, k)."""
+    return np.vstack([seen(directions), roots * directions])
 
 
 @dataclass(frozen=True)
@@ -166,13 +173,16 @@ class DatumSolver:
         """Name of the solver behind."""
         return self._solver.name
 
-    @property
-    def of_damped(self) -> Solver:
-        """The solver of damped matrices, which need no datum for what is free; held motions stay still."""
+    def of_damped(self, damping: FloatArray) -> Solver:
+        """The solver of matrices with a damping (n,), which need no datum for what is free.
+
+        Motions that are held are held still, wherever they have led.
+        """
         if not self._n_held:
             return self._solver
-        still = partial(np.zeros, len(self._chosen))
-        damped = DatumSolver(self._solver, self._chosen, still, None, self._weak, self._n_held)
+        still, seen = partial(np.zeros, len(self._chosen)), self._seen
+        added = None if seen is None else partial(_seen_damped, seen, np.sqrt(damping)[:, None])
+        damped = DatumSolver(self._solver, self._chosen, still, None, self._weak, self._n_held, added)
         damped._pattern = self._pattern
         return damped
 
@@ -249,9 +259,14 @@ class DatumSolver:
         """Empty after a successful factorisation: the datum takes the defect away."""
         return self._solver.defect()
 
+    @property
+    def motions(self) -> FloatArray:
+        """(n, k) what the matrix resists least, of what changes the datum by 1 along one direction alone."""
+        return self._datum if self._border is None else self._border.motions
+
     def null_vectors(self) -> FloatArray:
         """(n, k) orthonormal basis of what the datum takes away."""
-        return self._datum if self._border is None else np.linalg.qr(self._border.motions)[0]
+        return np.linalg.qr(self.motions)[0]
 
     def _hold(self, values: FloatArray, weak: FloatArray) -> None:
         """Factors with as many unknowns held as directions are weak, and as many more as a kernel is left.

@@ -17,7 +17,6 @@ from obseq.leastsquares.problem.growing import GrowingArray
 from obseq.leastsquares.problem.manifolds import CurvedBlocks
 from obseq.leastsquares.problem.owner import Owner
 from obseq.leastsquares.problem.perspective import Perspective
-from obseq.leastsquares.problem.turning import Turning
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -66,7 +65,6 @@ class UnknownTable:
         self._curved: tuple[int, list[CurvedBlocks]] = (0, [])
         self._followers: list[WeakMethod[Callable[[], None]]] = []
         self._perspectives: list[Perspective] = []
-        self._turning: list[Turning] = []
 
     def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "_followers": []}  # they belong to whoever moves this one
@@ -294,14 +292,10 @@ class UnknownTable:
         """Lets points move by steps of their inverse distances from places (n, 3); see `Perspective`."""
         self._perspectives.append(Perspective(self.scalars(ids, "see_from"), places))
 
-    def turn_together(self, ids: ArrayLike) -> None:
-        """Has points, all of them free, turn along circles where steps turn them together; see `Turning`."""
-        self._turning.append(Turning(self.scalars(ids, "turn_together")))
-
     @property
     def is_flat(self) -> bool:
         """Whether every step is simply added."""
-        return not self.curved and not self._perspectives and not self._turning
+        return not self.curved and not self._perspectives
 
     @property
     def is_seen(self) -> BoolArray:
@@ -365,8 +359,6 @@ class UnknownTable:
         """Moves all unknowns by a step (n_scalars,); rotations and directions absorb theirs and are reset."""
         for points in self._perspectives:
             step = points.stretched(self.values, step, self.frozen)
-        for together in self._turning:
-            step = together.along(self.values, step)
         values = self.values + step
         for blocks in self.curved:
             self._absorb(blocks, values)

@@ -136,10 +136,6 @@ class Equations:
         if rows.size:
             loose = loose_motions(self.system, self.points)
             self.system.set_datum(self.points[rows], chosen[rows], loose.of(rows), loose.count)
-            for part in range(int(loose.parts.max(initial=-1)) + 1):
-                together = np.flatnonzero(loose.parts == part)
-                if points.is_free[together].all():
-                    self.system.unknowns.turn_together(self.points[together])
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}

@@ -17,6 +17,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.leastsquares.diagnosis.singular import undetermined_error
+from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.solvers import choose_solver
 from obseq.survey.adjustment.frame import MEAN_RADIUS
 
@@ -90,10 +91,11 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     chosen, _ = _modes(seen, size)
     most = np.abs(seen @ chosen).max(axis=0, initial=0.0)
     chosen = chosen[:, most <= max(DIRECT, 2.0 * extent / MEAN_RADIUS)]
-    turned, weakest = _modes(normal.seen(unknowns @ chosen), chosen.T @ size @ chosen)
-    order = np.argsort(weakest)
-    chosen = chosen @ turned[:, order]
-    count = int(np.count_nonzero(weakest * UNDETERMINED * extent < 1.0))
+    amounts = np.zeros((normal.pattern.n, chosen.shape[1]))
+    amounts[numbers[numbers >= 0]] = (moves @ chosen)[numbers >= 0] / len(moves)
+    weights, turned = np.linalg.eigh(_resistance(normal, amounts))
+    count = int(np.count_nonzero(np.sqrt(np.maximum(weights, 0.0)) * UNDETERMINED * extent < 1.0))
+    chosen = chosen @ turned
     return LooseMotions(count, unknowns @ chosen, parts, middles, chosen)
 
 
@@ -174,6 +176,23 @@ def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolAr
     solver.analyse(normal.pattern)
     solver.factor(values)
     return np.asarray(solver.solve(held[:, None] * unknowns))
+
+
+def _resistance(normal: NormalEquations, amounts: FloatArray) -> FloatArray:
+    """(k, k) inverse covariance of amounts, linear functions (n_free, k) of the unknowns; 0 of what is free.
+
+    It is what the equations see, at least, where one amount changes by 1 and the others by nothing.
+    """
+    n, count = amounts.shape
+    if not count:
+        return np.zeros((0, 0))
+    still, given = partial(np.zeros, n), partial(np.asarray, amounts)
+    plain = choose_solver(normal.pattern)
+    solver = DatumSolver(plain, np.ones(n, np.bool_), still, None, given, count, normal.seen)
+    solver.analyse(normal.pattern)
+    solver.factor(normal.assemble(viscous=False).values)
+    rows = normal.seen(solver.motions[:, :count])
+    return np.asarray(rows.T @ rows)
 
 
 def _seen(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:

@@ -10,7 +10,6 @@ from obseq.errors import InputError
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
     from obseq.survey.kinds.kind import Shared, Site
