@@ -51,7 +51,7 @@ STEEPEST = 1e3
 """Rise of the cost, as a factor, at which an excursion turns back."""
 
 NEARBY = 0.3
-"""Share of the cost that a full step promises, below which a rise is the bend of weakly determined unknowns."""
+"""Share of the cost that a full step promises, below which a rise is the bend of weak directions."""
 
 LANDING = 2
 """Steps that a leap may take back to the bottom of the valley."""
