@@ -127,7 +127,7 @@ def test_what_is_held_is_held_whatever_observations_say_of_it(name, weight):
 
 
 def test_a_weak_direction_has_the_digits_of_the_rows():
-    """A scale that one row sees by 3e-8 of what single points do: N has 1e-15 of it, less than its rounding."""
+    """A scale that one row sees by 3e-8 of what it sees of points: N has 1e-15 of it, which is rounding."""
     points, _ = free_network()
     start, end = np.triu_indices(12, 1)
     sights = (points[end] - points[start]) / np.linalg.norm(points[end] - points[start], axis=1)[:, None]
