@@ -140,7 +140,7 @@ class Computation:
         while True:
             equations = equations or self._equations(start)
             try:
-                return Computed(self._adjusted(start, equations), start, equations)
+                return Computed(self._adjusted(start, equations, strict=strict), start, equations)
             except SingularSystemError as found:
                 error = _with_loose_motions(equations, found)
                 undetermined = singular_parts(start, error)
@@ -177,7 +177,7 @@ class Computation:
             return equations_of(self.frame, self.point_system, start)
 
     def _was_determined(self, start: Determined, error: ObseqError) -> bool:
-        """Whether what an error names was determined where the iterations started: then it has gone astray."""
+        """Whether what an error names was determined where the iterations started: they have gone astray."""
         if not isinstance(error, SingularSystemError):
             return True
         equations, lost = self._equations(start), points_of(error)
@@ -192,13 +192,13 @@ class Computation:
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
-    def _adjusted(self, start: Determined, equations: Equations) -> Adjustment:
+    def _adjusted(self, start: Determined, equations: Equations, *, strict: bool) -> Adjustment:
         """Adjusts what is determined."""
         with self.watch.phase("iterations and covariances"):
             found = examine(equations, start.book, self.quality, self._solving(equations))
         weak = _weak(start, equations, found.solution)
         if weak is not None:
-            if not self._was_determined(start, weak):
+            if strict or not self._was_determined(start, weak):
                 raise weak
             found = Examination(found.wanted, replace(found.solution, weak=weak))
         with self.watch.phase("results"):

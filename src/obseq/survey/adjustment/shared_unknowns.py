@@ -63,7 +63,9 @@ class SharedUnknowns:
             if part in UNITS:
                 value = float(solution.values([block])[0, 0])
                 sigma = "?" if solution.weak else f"{float(solution.precisions([block], a_priori)[0, 0]):.2g}"
-                found.append(f"{part} of {self._book.groups[owner].name}: {value:.6g} +- {sigma}{UNITS[part]}")
+                found.append(
+                    f"{part} of {self._book.groups[owner].name}: {value:.6g} +- {sigma}{UNITS[part]}"
+                )
         return tuple(found)
 
     def scales(self) -> dict[str, int]:
