@@ -135,7 +135,7 @@ def _seen_from(rng, name, places):
 
 @pytest.mark.parametrize("seed", [761, 1016, 1629, 3829, 4237])
 def test_no_point_with_many_sights_is_lost_to_wrong_ones(seed):
-    """Wrong sights elsewhere spoil sigma0: two places of a point are told apart by what most residuals are."""
+    """Wrong sights elsewhere spoil sigma0: two places are told apart by what most residuals are."""
     network = _site(seed)
     counts = network.book.counts(network.book.observations.active, len(network.points))
     initial = network.fieldwork.initial_values()
