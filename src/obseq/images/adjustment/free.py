@@ -132,6 +132,8 @@ def _move_back(
         raise InputError(_too_little(datum, str(error))) from None
     for ids in (equations.centres, equations.points):
         system.set_values(ids, motion.centre + scale * system.values(ids) @ motion.rotation.T)
+    for part in equations.rigid:
+        system.set_values(part.centres, scale * system.values(part.centres))
     _turn(equations, motion)
 
 
@@ -198,4 +200,5 @@ def _axis(equations: Equations) -> FloatArray | None:
 
 
 def _has_scale(equations: Equations) -> bool:
-    return bool(equations.block.lengths.values or equations.block.rigid_blocks)
+    block = equations.block
+    return bool(block.lengths.values) or any(rigid.has_scale for rigid in block.rigid_blocks)
