@@ -140,7 +140,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "landxml": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
         "fieldbooks": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
         "registry": ("catalogue", "once", "project"),
-        "networks": ("registry", "obs", "default_sigmas", "once", "project", "stochastic"),
+        "networks": ("registry", "obs", "default_sigmas", "levelled_points", "once", "project", "stochastic"),
         "point_files": ("obs",),
         "conversion": ("point_files", "obs", "tables", "gama", "dynadjust", "sinex"),
         "camera_terms": (),
