@@ -258,7 +258,7 @@ class Fieldwork:
             found = computation.computed(given, equations, strict=strict)
         except ObseqError as error:
             failed = error
-        if found is not None and found.adjustment.converged:
+        if found is not None and _is_sound(found):
             return found
         model = self._model(given, None)
         with computation.watch.phase("diagnosis"):
@@ -269,7 +269,7 @@ class Fieldwork:
             except ObseqError:
                 pass
             else:
-                if found is None or again.adjustment.converged:
+                if found is None or _is_sound(again):
                     return again
         if found is not None:
             return found
@@ -322,6 +322,11 @@ class Fieldwork:
 
     def _equations(self, start: Determined) -> Equations:
         return equations_of(self.frame, self.point_system, start)
+
+
+def _is_sound(found: Computed) -> bool:
+    """Whether an adjustment has arrived where all is determined."""
+    return found.adjustment.converged and found.adjustment.solution.weak is None
 
 
 def listed_errors(found: DiagnosisRecord) -> str:

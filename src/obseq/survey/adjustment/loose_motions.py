@@ -35,8 +35,10 @@ DIRECT = 1e-3
 """Share of what an equation sees of single points from which it sees a motion: less may be a misclosure."""
 ALIKE = 1e-10
 """Share, squared, of what sets a motion apart from others, below which it is none of its own."""
+SHORTEST_ARM = 1e-6
+"""Arm (m) below which a turn moves nothing but the rounding of coordinates: points on one vertical."""
 HELD = 1e12
-"""What the diagonal of the normal matrix is multiplied by to hold points."""
+"""What the largest of the diagonal of the normal matrix is multiplied by to hold points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +172,7 @@ def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolAr
         SingularMatrixError: the others are undetermined.
     """
     values, diagonal = normal.assemble(viscous=False).values.copy(), normal.pattern.diagonal
-    held = np.where(is_place, HELD * values[diagonal], 0.0)
+    held = np.where(is_place, HELD * values[diagonal].max(initial=0.0), 0.0)
     values[diagonal] += held
     solver = choose_solver(normal.pattern)
     solver.analyse(normal.pattern)
@@ -223,7 +225,7 @@ def _modes(seen: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         size: (k, k) mean products of the motions.
     """
     scale = np.sqrt(np.diag(size))
-    scale = np.where(scale > 0.0, scale, np.inf)
+    scale = np.where(scale > SHORTEST_ARM, scale, np.inf)
     lengths, axes = np.linalg.eigh(size / np.outer(scale, scale))
     apart = lengths > ALIKE
     basis = axes[:, apart] / np.sqrt(lengths[apart]) / scale[:, None]
