@@ -257,7 +257,7 @@ class Adjustment:
         return [found if known else None for found, known in zip(roots, is_known, strict=True)]
 
     def _ellipsoids(self) -> Sequence[EllipsoidRecord | None]:
-        if not self.quality.ellipsoids:
+        if not self.quality.ellipsoids or self.solution.weak is not None:
             return [None] * len(self.points.names)
         redundancy = None if self.quality.a_priori else self.solution.redundancy
         return ellipsoids(self.points.covariances, confidence_factor(self.quality.ellipses, 3, redundancy))
