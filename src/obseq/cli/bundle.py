@@ -197,11 +197,11 @@ def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> No
     """Refuses, before the work, a block that a format of another program cannot hold."""
     from obseq.formats.bal.reader import RADIAL
     from obseq.formats.camera_terms import check_cameras
-    from obseq.formats.colmap.reader import TERMS
+    from obseq.formats.colmap.reader import check_block
     from obseq.formats.opk.reader import check_names
 
     if arguments.colmap_out:
-        check_cameras(block, "COLMAP", TERMS)
+        check_block(block)
     if arguments.bal_out:
         check_cameras(block, "BAL", RADIAL)
     if arguments.opk_out:

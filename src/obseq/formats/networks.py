@@ -12,6 +12,7 @@ import numpy as np
 from obseq import crs
 from obseq.errors import noting
 from obseq.formats.default_sigmas import parse_sigmas
+from obseq.formats.levelled_points import hold_plans, with_heights
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.obs.exchanged import told_if_exchanged
 from obseq.formats.obs.free_points import read_points
@@ -21,6 +22,7 @@ from obseq.formats.once import require_distinct
 from obseq.formats.project import NOTHING, Reading
 from obseq.formats.registry import read_project
 from obseq.formats.stochastic import read_stochastic
+from obseq.formats.vertical_factors import with_vertical_factors
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
@@ -63,6 +65,7 @@ def read_network(
             if point_sigma is not None:
                 options = replace(options, sigma=point_sigma)
             points = _read_free_format(point_files, point_format, options)
+        points = with_heights(hold_plans(points, book), book)
     with noting(book.warnings):
         return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
 
@@ -116,7 +119,7 @@ def read_project_network(
         network = project.stochastic.centring(network, chosen)
     elif stochastic is not None and project.stochastic is NOTHING:
         network = model.weighing(network)
-    network = with_axes_told(network)
+    network = with_axes_told(with_vertical_factors(network, project.vertical_factors))
     if place is None or project.has_geoid:
         return network
     if "deflections" in left_out:

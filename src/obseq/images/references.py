@@ -92,7 +92,8 @@ class References:
 
     `check_points` are known points that take no part as such: their coordinates are compared with the result.
     `frame` is the definition of the frame of the block, and `system` that of the coordinates that the user
-    gave, where these are on the Earth; else empty.
+    gave, where these are on the Earth; else empty. `models` are what the program of a block calls the models
+    of its cameras.
     """
 
     check_points: ControlPoints = field(default_factory=lambda: ControlPoints.of([], np.zeros((0, 3))))
@@ -100,6 +101,7 @@ class References:
     shutters: list[Shutter] = field(default_factory=list)
     frame: str = ""
     system: str = ""
+    models: dict[str, str] = field(default_factory=dict)
 
     @expecting(control=instance(ControlPoints))
     def add_check_points(self, control: ControlPoints) -> None:

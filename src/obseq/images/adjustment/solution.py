@@ -72,7 +72,7 @@ class Statistics:
     Attributes:
         names: what each row is about.
         counts: (n,) measures.
-        rms: (n,) quadratic mean of the lengths of residuals, pixels.
+        rms: (n,) quadratic mean of residuals per coordinate, pixels.
         largest: (n,) longest residual, pixels.
         mean: (n, 2) mean residual, pixels.
     """
@@ -350,7 +350,7 @@ class BundleSolution(Referenced):
         largest = np.zeros(n)
         np.maximum.at(largest, owner, found.norms)
         mean = np.column_stack([np.bincount(owner, found.residuals[:, k], n) for k in (0, 1)])
-        return Statistics(names, counts, np.sqrt(squares / divisor), largest, mean / divisor[:, None])
+        return Statistics(names, counts, np.sqrt(squares / (2 * divisor)), largest, mean / divisor[:, None])
 
     @cached_property
     def is_far(self) -> BoolArray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.boundary import Boundary
 from obseq.images.causes.comparison import has_robust_weights
+from obseq.images.output.arrays import grid_of
 from obseq.images.output.block_record import (
     BlockLeftOutRecord,
     BlockPointRecord,
@@ -18,7 +19,6 @@ from obseq.images.output.block_record import (
     ParameterRecord,
     ResidualColumns,
 )
-from obseq.images.output.drawings import grid_of
 from obseq.images.output.instruments import clinometer_records, rigid_records
 from obseq.images.output.references import antenna_records, check_records, shutter_records
 from obseq.images.output.testing import reliability_record
