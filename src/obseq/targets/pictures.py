@@ -84,7 +84,7 @@ def picture_size(path: str | Path) -> tuple[int, int] | None:
         return None
     try:
         with Image.open(path) as image:
-            return image.size
+            return int(image.size[0]), int(image.size[1])
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         return None
 
