@@ -157,10 +157,12 @@ class Book:
             self._add(index, DIST_HZ, target, sight.flat)
 
     def level(self, index: int, origin: str, target: str, rise: float, length: float) -> None:
-        """Takes a height difference between staffs, and the length of its sights (m)."""
+        """Takes a height difference of one turn, between two staffs, and the length of its sights (m)."""
         ends = [self._columns.point(self.file, index, name) for name in (origin, target)]
-        name = "height-per-km" if length > 0.0 and "height-per-km" in self._given else "height"
-        sigma = self._sigma(index, DH, name) * (math.sqrt(length / KILOMETRE) if name != "height" else 1.0)
+        names = ("height-per-turn", *(["height-per-km"] if length > 0.0 else []), "height")
+        name = next((name for name in names if name in self._given), names[-1])
+        share = math.sqrt(length / KILOMETRE) if name == "height-per-km" else 1.0
+        sigma = self._sigma(index, DH, name) * share
         measure = Measure(DH, ends[0], ends[1], rise, sigma, group=self._group)
         self._columns.append(measure, self._number, index)
 
