@@ -335,3 +335,21 @@ def test_an_instrument_of_a_file_goes_before_its_default(tmp_path):
     found = stochastic_model(tmp_path / "w.toml", "TS")
     assert found.of("") == pytest.approx({"direction": np.pi / 648000, "zenith": 9 * np.pi / 648000})
     assert found.of("TS")["direction"] == pytest.approx(np.pi / 648000)
+
+
+def test_set_ups_with_another_error_than_their_instrument_are_named(tmp_path):
+    """The second face at S3 reads 40 arc seconds more: half of it is 61.7 cc more of collimation."""
+    from dataclasses import replace
+
+    setups = simulated.job()
+    third = setups[2]
+    shots = [
+        replace(shot, circle=(shot.circle + 40 * (shot.face - 1)) % simulated.TURN) for shot in third.shots
+    ]
+    setups[2] = replace(third, shots=shots)
+    (tmp_path / "a.sdr").write_text("\n".join(simulated.sdr(setups)) + "\n")
+    told = Network.read_project(tmp_path / "a.sdr", sigmas=SIGMAS).book.warnings
+    (said,) = [text for text in told if "collimation error of TS-A" in text]
+    others = said.split("other in ")[1]
+    assert others.startswith("2 set-ups: S1 (+") and "S3 (-5" in others
+    assert not any("other in" in text for text in told if "TS-B" in text)
