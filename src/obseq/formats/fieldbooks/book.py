@@ -57,6 +57,16 @@ class Sight(NamedTuple):
     flat: float | None = None
 
 
+class _Staff(NamedTuple):
+    """A reading of a levelling staff: its line, point, reading and distance (m), whether it is backwards."""
+
+    line: int
+    name: str
+    reading: float
+    length: float
+    is_back: bool
+
+
 class _SetUp:
     """A set-up of the instrument: row of its point, station, points sighted so far, line it begins in."""
 
@@ -91,6 +101,7 @@ class Book:
         self._notes: list[str] = []
         self._set_ups: dict[str, _SetUp] = {}
         self._set_up: _SetUp | None = None
+        self._staffs: list[_Staff] = []
         self.use("")
 
     def open(self, file: TextFile) -> None:
@@ -156,7 +167,23 @@ class Book:
         elif sight.flat is not None and sight.flat > 0.0:
             self._add(index, DIST_HZ, target, sight.flat)
 
-    def level(self, index: int, origin: str, target: str, rise: float, length: float) -> None:
+    def staff(self, index: int, name: str, reading: float, length: float, *, is_back: bool) -> None:
+        """Takes a reading of a levelling staff and its distance (m); a backsight elsewhere begins a turn."""
+        if is_back and any(staff.is_back and staff.name != name for staff in self._staffs):
+            self.end_turn()
+        self._staffs.append(_Staff(index, name, reading, length, is_back))
+
+    def end_turn(self) -> None:
+        """Ends a turn of a level: its height difference is the mean of its readings."""
+        back, fore = ([s for s in self._staffs if s.is_back == is_back] for is_back in (True, False))
+        self._staffs = []
+        if not (back and fore):
+            return
+        rise = sum(s.reading for s in back) / len(back) - sum(s.reading for s in fore) / len(fore)
+        length = sum(s.length for s in back) / len(back) + sum(s.length for s in fore) / len(fore)
+        self._level(fore[0].line, back[0].name, fore[0].name, rise, length)
+
+    def _level(self, index: int, origin: str, target: str, rise: float, length: float) -> None:
         """Takes a height difference of one turn, between two staffs, and the length of its sights (m)."""
         ends = [self._columns.point(self.file, index, name) for name in (origin, target)]
         names = ("height-per-turn", *(["height-per-km"] if length > 0.0 else []), "height")
@@ -209,6 +236,7 @@ class Book:
 
     def _end(self) -> None:
         """Ends a set-up: the reading to its reference counts where nothing else was read there."""
+        self.end_turn()
         if self._set_up is None or self._set_up.reference is None:
             return
         index, target, reading = self._set_up.reference
