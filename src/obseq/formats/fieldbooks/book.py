@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 SHOWN = 5
 """Names or places that a warning lists."""
-LIFTED = codes(DIST, ZEN)
+LIFTED = frozenset(codes(DIST, ZEN))
 """Kinds that the heights of both ends have a part in."""
 KILOMETRE = 1000.0
 
@@ -114,6 +114,7 @@ class Book:
         """The instrument of the sights that follow; "" for one without a name."""
         name = named(instrument) if instrument.strip() else ""
         self._group, self._given = self._columns.instrument(name), self._model.of(name)
+        self._worth: dict[int, tuple[float, float]] = {}
 
     def set_up(self, index: int, name: str, height: float = 0.0, key: str = "") -> None:
         """The instrument stands on a point now, with a circle of its own.
@@ -247,9 +248,12 @@ class Book:
 
     def _add(self, index: int, kind: ObservationKind, target: int, value: float) -> None:
         set_up = self._standing(index)
-        sigma = self._sigma(index, kind, NAME_OF[kind])
+        worth = self._worth.get(kind.code)
+        if worth is None:  # looked up once for each instrument
+            relative = self._given.get("distance-ppm", 0.0) if kind in (DIST, DIST_HZ) else 0.0
+            worth = self._worth[kind.code] = self._sigma(index, kind, NAME_OF[kind]), relative
+        sigma, relative = worth
         lifts = (set_up.height, self.target_height) if kind.code in LIFTED else (0.0, 0.0)
-        relative = self._given.get("distance-ppm", 0.0) if kind in (DIST, DIST_HZ) else 0.0
         station = set_up.station if kind.needs_station else -1
         measure = Measure(
             kind, set_up.origin, target, value, sigma, True, relative, *lifts, station, self._group

@@ -44,7 +44,9 @@ ANGLES = {"2": math.pi / 200.0 * 1e-5, "3": math.pi / 180.0 * 1e-5, "5": math.pi
 """Radians in the last digit of an angle, by its unit."""
 SEXAGESIMAL = "4"
 """Unit of angles that are written dddmmss, and a tenth of a second."""
-_WORD = re.compile(r"(\d\d)([0-9.]{3})([0-9.])([+-])(.+)")
+_SHORT_WORD, _LONG_WORD = (
+    re.compile(rf"(\d\d)([0-9.])[0-9.]{{2}}([0-9.])([+-])(.{{1,{digits}}})(?: |$)") for digits in (8, 16)
+)
 
 
 class _Word(NamedTuple):
@@ -173,9 +175,10 @@ class _Gsi:
 
     def _digits(self, block: _Block, word: str) -> float:
         found = block.words[word]
-        if not (found.text.isascii() and found.text.isdigit()):
-            raise self._file.error(block.line, f"word {word}: {found.text[:20]!r} is no whole number")
-        return float(f"{found.sign}{int(found.text)}")
+        text = found.text.strip()
+        if not (text.isascii() and text.isdigit()):
+            raise self._file.error(block.line, f"word {word}: {text[:20]!r} is no whole number")
+        return float(f"{found.sign}{text}")
 
 
 def _is_empty(word: _Word) -> bool:
@@ -190,27 +193,22 @@ def _is_station(block: _Block) -> bool:
 
 
 def _blocks(file: TextFile) -> Iterator[_Block]:
-    """The blocks of a file; several may stand in a line."""
+    """The blocks of a file; several may stand in a line, of words as wide as its first character says."""
     for index, line in enumerate(file.lines):
+        text = line.strip()
+        is_long = text.startswith("*")
+        width, read = (LONG, _LONG_WORD) if is_long else (SHORT, _SHORT_WORD)
         words: dict[str, _Word] = {}
-        for number, word in _words(file, index, line):
-            if number in (POINT, CODE) and words:
+        for place in range(is_long, len(text), width):
+            found = read.match(text, place)
+            if found is None:
+                wrong = text[place : place + width]
+                raise file.error(index, f"no word of GSI at character {place - is_long + 1}: {wrong!r}")
+            number, *parts = found.groups()
+            if words and number in (POINT, CODE):
                 yield _Block(index, words)
                 words = {}
-            words.setdefault(number, word)
+            if number not in words:
+                words[number] = _Word(*parts)
         if words:
             yield _Block(index, words)
-
-
-def _words(file: TextFile, index: int, line: str) -> Iterator[tuple[str, _Word]]:
-    """The words of a line, of the width that its first character says."""
-    text = line.strip()
-    width = LONG if text.startswith("*") else SHORT
-    text = text.removeprefix("*")
-    for place in range(0, len(text), width):
-        found = _WORD.fullmatch(text[place : place + width].rstrip())
-        if found is None:
-            raise file.error(
-                index, f"no word of GSI at character {place + 1}: {text[place : place + width]!r}"
-            )
-        yield found[1], _Word(found[2][0], found[3], found[4], found[5].strip())
