@@ -28,8 +28,9 @@ class Policy:
         near: Standard deviations within which a slip fits.
         chance: Probability of a fit by any error, above which a slip with a free choice is not told.
         large: Equations from which groups are tested only where a screen asks for it.
-        screen: |u| over the length of a column, from which its group is tested there. Without error one in
-            twenty passes; an error that its test would find is lost only where the group shows a sixth of it.
+        screen: |w| of a group, its equations taken apart, from which it is tested there. Without error one in
+            four hundred passes; an error at the limit of its test (near 5) is lost only where the group shows
+            less than a third of what its equations show one by one.
         sigmas: Rarity of sigmas that are all too small by one factor: as of groups.
         steps: Iterations of all adjustments together.
     """
@@ -49,7 +50,7 @@ class Policy:
     near: float = 3.0
     chance: float = 0.35
     large: int = 5000
-    screen: float = 2.0
+    screen: float = 3.0
     sigmas: float = 4.0
     steps: int = 240
 
