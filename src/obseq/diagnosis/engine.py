@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
 
-_HALF = 0.5
-"""Share of the redundancy that what is taken out may cost: of more, the rest would be the error."""
-
-
 def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
     """What is wrong with a model, or that nothing is."""
     return Search(model, policy).verdict()
@@ -249,7 +245,7 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     is_told = hypotheses.is_block & ~hypotheses.needs_slip
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
-    left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy
+    left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy
     return list(map(int, which[left]))
 
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
-_HALF = 0.5
-"""Share of the redundancy that several errors must leave: else the rest might as well be the error."""
 _SCALINGS = 3
 """Rounds in which the variance factor of the noise is estimated; it grows, and seldom after the second."""
 
@@ -36,7 +34,7 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
     if not chosen:  # nothing that was found stands out of the noise
         is_accepted = left <= accepted(redundancy, tests.policy)
-    if len(chosen) > 1 and redundancy < _HALF * tests.linear.redundancy:
+    if len(chosen) > 1 and redundancy < tests.policy.half * tests.linear.redundancy:
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     told = {i: _accusation(model, found, chosen, i) for i in chosen}
     remarks = _remarks(tests, chosen) if is_accepted else []
