@@ -48,7 +48,8 @@ def without_accused(
         known[points.index[coordinate.name], COMPONENTS.index(coordinate.coordinate)] = True
     if known.any() and (known | points.is_free).all():
         raise InputError(
-            "what is accused is a mistake of all known points, without which nothing is known: correct it first"
+            "what is accused is a mistake of all known points, and nothing is known without them: correct it "
+            "first"
         )
     told = UnusedRecord(REASON, tuple(map(_told, accused)))
     return _freed(points, known), replace(book.without(rows), unused=(*book.unused, told))
