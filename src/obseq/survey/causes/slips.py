@@ -29,7 +29,7 @@ from obseq.survey.causes.other_points import (
 from obseq.survey.causes.target_height import TARGET_HEIGHT
 from obseq.survey.causes.values import COORDINATE, difference, explain
 from obseq.survey.causes.vector import WHOLE_VECTOR
-from obseq.survey.causes.vector_slips import slips_of_vector
+from obseq.survey.causes.vector_slips import UNITS, slips_of_vector
 from obseq.survey.causes.wrong_standpoint import STANDPOINT
 from obseq.survey.causes.wrong_target import TARGET
 from obseq.survey.kinds.registry import BY_CODE
@@ -48,12 +48,6 @@ PRISMS = (0.0344, 0.0300, 0.0350, 0.0175, 0.0169, 0.0231, 0.0400, 0.0111, 0.0086
 """Constants (m) by which prisms of makers differ from each other and from none."""
 _ROUNDED = 1e-3
 """Of a factor between units: what rounded values leave of it."""
-_UNITS = (
-    ("W126", "millimetres read as metres", 1e-3),
-    ("W127", "centimetres read as metres", 1e-2),
-    ("W106", "feet read as metres", 0.3048),
-    ("W107", "metres read as feet", 1.0 / 0.3048),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +182,7 @@ def _of_constant(_named: Named, change: Change, _evidence: Evidence) -> Iterator
 
 def _of_scale(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
     right, tolerance = 1.0 - float(change.size[0]), POLICY.near * float(change.sigma[0])
-    for code, text, factor in _UNITS:
+    for code, text, factor in UNITS:
         if abs(right - factor) <= max(tolerance, _ROUNDED * factor):
             yield Slip(code, text, abs(right - factor), is_strong=True)
 
