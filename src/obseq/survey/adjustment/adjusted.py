@@ -175,7 +175,7 @@ class Adjustment:
 
     @property
     def is_whole(self) -> bool:
-        """The same, but for a sigma0 that is too large, nothing being accused: precisions are scaled by it."""
+        """The same, but for a large sigma0 of which nothing is accused: precisions are scaled by it."""
         is_clean = (self.diagnosis is None or self.diagnosis.is_silent) and not self.doubtful
         is_all = not self.left_out and not self.book.unused and not self.quality.rejected.any()
         return self.converged and is_all and is_clean and not self.failures
