@@ -20,6 +20,7 @@ MORE = """
 Options are MMVII's, Name=value:
   GCP3D=[[Folder,SG,Out?],...] 3D points, the factor of their sigmas, where they go when adjusted
   NbIter=N the most iterations; GCPFilter=Pat GCPFilterAdd=Pat choose points
+  TopoRefr=k the refraction coefficient of zenith angles
 The points must be in a local frame (`obseq change-sysco` converts them)."""
 
 EXAMPLE = """\
@@ -60,7 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError("GCP3D=[[Folder,SG],...] is missing: it says where the points are")
         control, definition = control_of(tree, options)
         observed = read_topo(tree.topo(arguments.topo))
-        network = shown_in(network_of(survey_points(control), observed, definition), arguments.units)
+        made = network_of(survey_points(control), observed, definition, options.refraction)
+        network = shown_in(made, arguments.units)
         adjustment = network.adjust(options.iterations or MAX_ITERATIONS, progress=progress)
         record = adjustment.record()
         files = _files(arguments, tree, options, adjustment, definition)

@@ -207,7 +207,8 @@ class Adjustment:
         initial = images[1] if images else [self._placed(network).initial_values() for network in networks]
         part = images[0] if images else None
         shared = list(places_in(part.start, part.equations)) if part else []
-        surveys = join_surveys(networks, initial, system, shared)
+        turned = dict(system.unknowns.called("Rotation"))
+        surveys = join_surveys(networks, initial, system, shared, turned)
         self._add_own(system)
         also = dict(self._block.camera_of) if self._block else {}
         place_points(system, self._unplaced(system), self._equations, also)
