@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         record = write(record, outputs, files)
     count = sum(observation.active for observation in record.observations)
     sigmas = [*(step.sigma0 for step in record.iterations), record.sigma0]
-    lines = [f"Topo sigma0: {sigma0:g} ({count} obs)" for sigma0 in sigmas]
+    lines = [f"Topo sigma0: {'undefined' if s is None else f'{s:g}'} ({count} obs)" for s in sigmas]
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
     say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
