@@ -46,7 +46,7 @@ KERNELS = (
         r"BlocRigid_RE",
         "`BlocRigid` with the block's frame in its first camera; `RigidPair` says it in 6 residuals",
     ),
-    (r"Clino(Bloc|Rot)", "clinometers as the original had them before `Clino_0_3`"),
+    (r"ClinoBloc|ClinoRot", "clinometers as the original had them before `Clino_0_3`"),
     (r"BunleElem_.*", "two or three images without control; `resection` and `initialise` place them"),
     (
         r"cFormula_EqColinearity.*",
