@@ -4,7 +4,7 @@
     tools/suite_time.py [ARGUMENTS OF PYTEST]
 
 Machines differ, and one machine has slow minutes. So a fixed Python and NumPy load is measured before and
-after the tests; the ratio is what compares. `tools/benchmarks/suite_time.json` has the one of the whole suite,
+after the tests; the ratio is what compares. `tools/benchmarks/suite_time.json` has that of the whole suite,
 which may not grow by more than a tenth by what is added. `--write` as first argument writes it down.
 """
 
