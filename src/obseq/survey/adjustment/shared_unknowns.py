@@ -74,6 +74,11 @@ class SharedUnknowns:
             self._book.groups[owner].name: at for (owner, part), at in self._blocks.items() if part == "scale"
         }
 
+    def corrections(self) -> tuple[float, ...]:
+        """Present values (m, parts) of the unknowns of instruments and refraction."""
+        blocks = [block for (_, part), block in self._blocks.items() if part in UNITS]
+        return tuple(float(self._system.values([block])[0, 0]) for block in blocks)
+
     def _require_axes(self, rows: IntArray) -> None:
         """Raises InputError for an axis whose direction no target gives."""
         for row in rows.tolist():
