@@ -52,6 +52,13 @@ class Columns:
         found = self.matrix[:, which]
         return found if isinstance(found, np.ndarray) else np.asarray(found.toarray())
 
+    def weights_apart(self, linear: Linear) -> FloatArray:
+        """(k,) M of each, of length 1, as if its equations had no unknowns in common."""
+        shares = 1.0 - linear.leverages
+        if isinstance(self.matrix, np.ndarray):
+            return np.asarray(shares @ self.matrix**2)
+        return np.asarray(self.matrix.multiply(self.matrix).T @ shares)
+
     def first_weights(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, where it costs little; NaN of those that a solve each would take."""
         if isinstance(self.matrix, np.ndarray):
@@ -69,8 +76,13 @@ class Columns:
             )
         return weights
 
+    def are_near(self, sets: IntArray) -> BoolArray:
+        """(g,) whether the unknowns of all columns of a set (g, q) are joined: M takes no solves."""
+        is_plain = isinstance(self.matrix, np.ndarray)
+        return np.ones(len(sets), np.bool_) if is_plain else np.asarray(self.is_local[sets].all(axis=1))
+
     def grams(self, linear: Linear, sets: IntArray) -> FloatArray:
-        """(g, q, q) C' R C of small sets (g, q) of columns whose unknowns are all joined."""
+        """(g, q, q) C' R C of small sets (g, q) of columns; by solves where they are not near."""
         g, q = sets.shape
         if isinstance(self.matrix, np.ndarray):
             through, solved = self._through(linear)
@@ -78,10 +90,15 @@ class Columns:
             before, after = (one[:, sets.ravel()].reshape(-1, g, q) for one in (through, solved))
             lost: FloatArray = np.einsum("ugi,ugj->gij", before, after)
             return np.asarray(np.einsum("ngi,ngj->gij", each, each) - lost)
+        from scipy.sparse import csc_array
+
         flat, result = self.matrix[:, sets.ravel()], np.empty((g, q, q))
         rows, cofactors = cast("Any", linear.rows), cast("Any", linear.cofactors)
         across = (rows.T @ flat).tocsc()
-        left = (cofactors @ across).tocsc()
+        if self.is_local[sets].all():
+            left = (cofactors @ across).tocsc()
+        else:
+            left = csc_array(linear.solve(np.ascontiguousarray(across.toarray())))
         for i in range(q):
             for j in range(i + 1):
                 own = flat[:, i::q].multiply(flat[:, j::q]).sum(axis=0)

@@ -25,7 +25,7 @@ from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_le
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
@@ -93,6 +93,7 @@ class LinearTests:
         self._across: dict[int, FloatArray] = {}
         self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
+        self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
         self._is_screened = linear.n > policy.large
         counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
         tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in sorted(counts.items()))
@@ -122,24 +123,54 @@ class LinearTests:
 
     @cached_property
     def _sets(self) -> list[tuple[IntArray, IntArray, FloatArray]]:
-        """Observations of several equations, by their number: hypotheses, columns (g, q), and M (g, q, q)."""
+        """Hypotheses of several columns and no blocks, by their number: which, columns (g, q), M (g, q, q).
+
+        M is NaN where it takes solves: it is worked out where something asks for it.
+        """
         wanted, found = self.hypotheses.q * ~self.hypotheses.is_block, []
         for size in sorted(set(wanted[wanted > 1].tolist())):  # np.unique would load masked arrays
             which = np.flatnonzero(wanted == size)
             columns = self.hypotheses.columns[self.hypotheses.starts[which][:, None] + np.arange(size)]
-            found.append((which, columns, self._columns.grams(self.linear, columns)))
+            grams, near = np.full((len(which), size, size), np.nan), self._columns.are_near(columns)
+            grams[near] = self._columns.grams(self.linear, columns[near])
+            found.append((which, columns, grams))
         return found
+
+    def _weigh_sets(self, shown: FloatArray) -> None:
+        """Works out M of the sets of columns that are wanted and not known yet."""
+        for _, columns, grams in self._sets:
+            wanted = np.isnan(grams[:, 0, 0])
+            if self._is_screened:
+                wanted &= self._asks(shown)[columns].any(axis=1)
+            for part in _parts(np.flatnonzero(wanted)):
+                grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property
     def _blocks(self) -> IntArray:
         """Hypotheses that take several observations out."""
         return np.flatnonzero(self.hypotheses.is_block & (self.hypotheses.q > 1))
 
+    @property
+    def _in_sets(self) -> BoolArray:
+        """(k,) columns that no hypothesis has alone, nor a block."""
+        result = np.ones(len(self.shown), np.bool_)
+        wanted = (self.hypotheses.q == 1) | self.hypotheses.is_block
+        result[self.hypotheses.columns[np.repeat(wanted, self.hypotheses.q)]] = False
+        return result
+
+    @cached_property
+    def _apart(self) -> FloatArray:
+        return self._columns.weights_apart(self.linear)
+
+    def _asks(self, shown: FloatArray) -> BoolArray:
+        """(k,) columns whose test, its equations taken apart, asks for its M."""
+        return np.asarray(shown**2 > self.policy.screen**2 * self._apart)
+
     def _weigh(self, shown: FloatArray) -> None:
         """Works out M of the columns that are wanted and not known yet."""
         wanted = np.isnan(self._weight)
         if self._is_screened:
-            wanted &= np.abs(shown) > self.policy.screen
+            wanted &= self._asks(shown)
         for part in _parts(np.flatnonzero(wanted)):
             through = np.ascontiguousarray(self.linear.rows.T @ self._columns.some(part))
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
@@ -182,14 +213,18 @@ class LinearTests:
         alone = np.where(seen, given.shown**2 / np.where(seen, weight, 1.0), 0.0)
         statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int64)
         statistic[self._single] = alone[self._at_single]
+        self._weigh_sets(given.shown)
         for which, columns, grams in self._sets:
             across = given.basis[:, columns].transpose(1, 0, 2)
-            left = grams - across.transpose(0, 2, 1) @ across
-            statistic[which], degrees[which] = _joint(left, given.shown[columns], self.policy.unseen)
+            left = np.nan_to_num(grams) - across.transpose(0, 2, 1) @ across
+            found, rank, sizes = _joint(left, given.shown[columns], self.policy.unseen)
+            size = np.linalg.norm(sizes / self.norm[columns], axis=1)
+            statistic[which] = np.where(size <= self.hypotheses.most[which], found, 0.0)
+            degrees[which] = rank
         for i in self._standing_out(alone) if blocks else ():
             own = self.hypotheses.of(i)
             left = self.rows_of(own)[:, own] - given.basis[:, own].T @ given.basis[:, own]
-            found, rank = _joint(left[None], given.shown[own][None], self.policy.unseen)
+            found, rank, _ = _joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
         limits = np.array([self.limit(d) for d in range(int(degrees.max(initial=1)) + 1)])
@@ -295,10 +330,10 @@ def _parts(which: IntArray) -> list[IntArray]:
     return [which[first : first + _CHUNK] for first in range(0, len(which), _CHUNK)]
 
 
-def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray]:
-    """T and degrees of freedom of sets (g,), from M (g, q, q) and u (g, q)."""
+def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """T, degrees of freedom (g,) and sizes (g, q) of sets, from M (g, q, q) and u (g, q)."""
     shares, axes = np.linalg.eigh(weights)
     seen = shares > unseen
     along = np.einsum("gij,gi->gj", axes, shown)
-    parts = np.where(seen, along**2 / np.where(seen, shares, 1.0), 0.0)
-    return parts.sum(axis=1), seen.sum(axis=1)
+    sizes = np.where(seen, along / np.where(seen, shares, 1.0), 0.0)
+    return (sizes * along).sum(axis=1), seen.sum(axis=1), np.einsum("gij,gj->gi", axes, sizes)
