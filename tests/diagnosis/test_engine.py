@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, csr_array, identity
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear import Linear
+from obseq.diagnosis.linear import Linear, diagonal
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Slip
@@ -72,7 +72,7 @@ class Linearly:
             csr_array(self.matrix),
             csr_array(identity(N)),
             csc_array(inverse),
-            leverages,
+            diagonal(leverages),
             lambda right: inverse @ right,
             N - U,
         )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.cached import cached_property
-from obseq.diagnosis.linear import linearised
+from obseq.diagnosis.linear import diagonal, linearised
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
 from obseq.images.causes.catalogue import Catalogue
@@ -22,7 +22,7 @@ from obseq.leastsquares.statistics.final_state import final_state
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from obseq.arrays import BoolArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
@@ -166,14 +166,22 @@ class BlockModel:
         return float(np.median(np.nan_to_num(np.concatenate(found), nan=np.inf)))
 
     def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
-        """All equations as they are given, at a place; applied parameters have their other values."""
+        """All equations as they are given, at a place; applied parameters have their other values.
+
+        Coordinates that were freed stay where they are: their values are put back along the tangent.
+        """
         result, is_there = self._result, place is self._solution and self._is_plain
         self._table.restore(place.state)
         if result is None or applied or not is_there or not result.has_covariances:
             self._hold(applied)
             result = self._solve(max_iterations=0, covariance=True)
         linear = self._with_priors(linearised(self._system, result, self.numbering.batches), result)
-        return linear, self.catalogue.columns(linear)
+        columns = self.catalogue.columns(linear)
+        off = self._given_coordinates() - self._held_coordinates()
+        if off.any():
+            first = self.numbering.n + len(self.numbering.parameters)
+            linear.residuals[:] += columns.effect(first + np.arange(len(off)), off)
+        return linear, columns
 
     def _with_priors(self, linear: Linear, result: LeastSquaresResult) -> Linear:
         """The same with the equations of observed unknowns after those of the batches."""
@@ -195,13 +203,18 @@ class BlockModel:
             ),
             rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
             whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
-            leverages=np.concatenate([linear.leverages, *(state.prior_leverages(p) for p in priors)]),
+            taken=csr_array(
+                block_diag(
+                    [linear.taken, *(diagonal(state.prior_leverages(p)) for p in priors)], format="csr"
+                )
+            ),
         )
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
         """Where least squares without some errors lead from a place."""
         self._table.restore(place.state)
         self._hold(changes)
+        self._hold_coordinates(changes)
         with self._changed(changes):
             result = self._solve(max_iterations=ITERATIONS, tolerance=TOLERANCE)
         return Place(self._table.state()), result.converged, len(result.iterations)
@@ -242,6 +255,35 @@ class BlockModel:
             values[0, at] = given[at] - sum(off)
             self._system.set_values([parameter.block], values)
 
+    def _held_coordinates(self) -> FloatArray:
+        """(h,) where held coordinates of control points are."""
+        points, axes = self.numbering.held.T
+        return np.asarray(self._system.values(self.numbering.equations.points)[points, axes])
+
+    def _given_coordinates(self) -> FloatArray:
+        """(h,) where they were given."""
+        points, axes = self.numbering.held.T
+        return np.asarray(self._table.read(self.numbering.equations.points, self._state)[points, axes])
+
+    def _hold_coordinates(self, changes: Sequence[Change]) -> None:
+        """Held coordinates at the values that were given, but those that changes free."""
+        points, axes = self.numbering.held.T
+        if not len(points):
+            return
+        kept = np.ones(len(points), np.bool_)
+        for change in changes:
+            kept[self._freed(change)] = False
+        blocks = self.numbering.equations.points
+        values = self._system.values(blocks)
+        values[points[kept], axes[kept]] = self._given_coordinates()[kept]
+        self._system.set_values(blocks[points], values[points])
+
+    def _freed(self, change: Change) -> IntArray:
+        """Numbers of the held coordinates that a change is of."""
+        columns = self.catalogue.named(change.index).columns - self.numbering.n
+        columns = columns - len(self.numbering.parameters)
+        return np.asarray(columns[columns >= 0])
+
     def _parameter(self, change: Change) -> int:
         """Number of the held parameter that a change is of; -1 for none."""
         named = self.catalogue.named(change.index)
@@ -249,7 +291,7 @@ class BlockModel:
 
     @contextmanager
     def _changed(self, changes: Sequence[Change]) -> Iterator[None]:
-        """The block without errors: rows out, what they alone determine held, held parameters freed."""
+        """The block without errors: rows out, what they alone determine held, what is held freed."""
         try:
             out = np.zeros(self.numbering.n, np.bool_)
             for change in changes:
@@ -258,6 +300,8 @@ class BlockModel:
                 if (k := self._parameter(change)) >= 0:
                     parameter = self.numbering.parameters[k]
                     self._system.unfreeze([parameter.block], (parameter.name,))
+                for point, axis in self.numbering.held[self._freed(change)].tolist():
+                    self._system.unfreeze([self.numbering.equations.points[point]], (axis,))
             self._take_out(out)
             yield
         finally:
