@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _CHUNK, _KEPT = 64, 8
 """Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY = 1e-300
+_PAIR = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,8 +279,27 @@ def _parts(which: IntArray) -> list[IntArray]:
 
 def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray]:
     """T and degrees of freedom of sets (g,), from M (g, q, q) and u (g, q)."""
+    if weights.shape[1] == _PAIR:
+        return _joint_of_pairs(weights, shown, unseen)
     shares, axes = np.linalg.eigh(weights)
     seen = shares > unseen
     along = np.einsum("gij,gi->gj", axes, shown)
     parts = np.where(seen, along**2 / np.where(seen, shares, 1.0), 0.0)
     return parts.sum(axis=1), seen.sum(axis=1)
+
+
+def _joint_of_pairs(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray]:
+    """The same for sets of two, whose eigenvectors stand in closed form: blocks have many of them."""
+    first, second, cross = weights[:, 0, 0], weights[:, 1, 1], weights[:, 0, 1]
+    angle = 0.5 * np.arctan2(2.0 * cross, first - second)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    middle, half = 0.5 * (first + second), np.hypot(0.5 * (first - second), cross)
+    found, degrees = np.zeros(len(weights)), np.zeros(len(weights), np.int64)
+    for share, along in (
+        (middle + half, cosine * shown[:, 0] + sine * shown[:, 1]),
+        (middle - half, cosine * shown[:, 1] - sine * shown[:, 0]),
+    ):
+        seen = share > unseen
+        found += np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0)
+        degrees += seen
+    return found, degrees
