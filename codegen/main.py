@@ -1,7 +1,6 @@
 """The command `gencode`: writes the generated modules, or checks that they are what they should be."""
 
 import argparse
-import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,20 +19,22 @@ from obseq.codegen.files import (
     render_modules,
 )
 from obseq.codegen.modules import REPORT, Module, recorded_operations
+from obseq.codegen.new_project import write_project
 from obseq.codegen.pipeline import shown
-from obseq.errors import FormulaError, ObseqError
-from obseq.formulas import REGISTRY, Formula
-from obseq.formulas.families import formula as formula_named
-
-PARTS = ("formulas", "codegen", "generated")
-"""Folders at the root of a checkout of obseq."""
+from obseq.codegen.project import Project, find_project
+from obseq.errors import ObseqError
+from obseq.formulas.base import Formula
+from obseq.module_texts import OWN
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs gencode; returns 0 done, 1 something is stale (`--check`), 2 it could not run."""
     options = _parser().parse_args(arguments)
     try:
-        formulas = select(options.names)
+        if options.new:
+            return _new(options.new, options.project or Path.cwd())
+        project = find_project(options.project, Path.cwd())
+        formulas = project.select(options.names)
         if options.list:
             print("\n".join(sorted(formula.name for formula in formulas)))
             return 0
@@ -42,57 +43,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         if options.c99:
             return _write_c99(formulas, options.c99)
-        folder = generated_folder()
-        check_place(folder, Path.cwd())
-        return _run(formulas, folder, options)
+        print(f"reads {project}")
+        return _run(project, formulas, options)
     except ObseqError as error:
         print(f"gencode: {error}", file=sys.stderr)
         return 2
 
 
-def select(names: Sequence[str]) -> list[Formula]:
-    """The formulas with these names, those of the registry without names.
-
-    Raises:
-        FormulaError: A name means nothing; the message gives the nearest ones.
-    """
-    return [formula_named(name) for name in names] if names else list(REGISTRY)
-
-
-def generated_folder() -> Path:
-    """The folder of the installed package obseq.generated."""
-    spec = importlib.util.find_spec("obseq.generated")
-    if spec is None or not spec.submodule_search_locations:
-        raise FormulaError("the package obseq.generated is not installed")
-    return Path(next(iter(spec.submodule_search_locations))).resolve()
-
-
-def checkout(generated: Path) -> Path | None:
-    """The root of the project whose generated folder that is; None in an installed package."""
-    root = generated.parent
-    return root if (root / "pyproject.toml").is_file() else None
-
-
-def check_place(generated: Path, here: Path) -> None:
-    """Refuses to write or check other modules than those of the checkout that one stands in.
-
-    Raises:
-        FormulaError: The folder is in a checkout of obseq, and the obseq that runs is another one.
-    """
-    for root in (here, *here.parents):
-        project = root / "pyproject.toml"
-        if project.is_file() and all((root / name / "__init__.py").is_file() for name in PARTS):
-            if not generated.is_relative_to(root.resolve()):
-                raise FormulaError(
-                    f"you are in the checkout {root}, but the obseq that runs has its formulas and modules "
-                    f"elsewhere ({generated}); install the checkout (pip install -e {root}), or leave it"
-                )
-            return
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="gencode", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="formulas to write (default: all of them)")
+    parser.add_argument(
+        "--project", type=Path, metavar="FOLDER", help="the project of formulas (default: the one you are in)"
+    )
+    parser.add_argument("--new", metavar="NAME", help="make a project of formulas of your own, with a test")
     parser.add_argument("--check", action="store_true", help="write nothing; show what is stale and return 1")
     parser.add_argument(
         "--accept-more", action="store_true", help="write kernels that do more than REPORT.md records"
@@ -107,16 +71,17 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(formulas: list[Formula], folder: Path, options: argparse.Namespace) -> int:
-    registered = {formula.name for formula in REGISTRY}
+def _run(project: Project, formulas: list[Formula], options: argparse.Namespace) -> int:
+    folder = project.generated
+    registered = {formula.name for formula in project.registry}
     modules = render_modules(
         [formula for formula in formulas if formula.name in registered],
         _progress if sys.stderr.isatty() else None,
     )
-    found = _due(folder, modules, partial=bool(options.names))
+    found = _due(project, modules, partial=bool(options.names))
     if options.check:
         return _show(found, folder)
-    if not options.accept_more and (more := _with_more_operations(folder, modules)):
+    if not options.accept_more and (more := _with_more_operations(project, modules)):
         return _refuse(more)
     apply(found)
     for change in found:
@@ -129,21 +94,32 @@ def _run(formulas: list[Formula], folder: Path, options: argparse.Namespace) -> 
     return 0
 
 
-def _due(folder: Path, modules: dict[str, Module], partial: bool) -> list[Change]:
+def _new(name: str, where: Path) -> int:
+    """A project with one formula, its modules written."""
+    root = write_project(name, where)
+    print(f"wrote the project {root}")
+    return main(["--project", str(root)])
+
+
+def _due(project: Project, modules: dict[str, Module], partial: bool) -> list[Change]:
     """The files that are not what they should be: of some modules, or of the whole project."""
-    found = changes(folder, render_all(modules))
+    folder = project.generated
+    found = changes(folder, render_all(modules, project.package))
     if partial:
         wanted = {folder / file_of(module) for module in modules.values()}
         return [change for change in found if change.path in wanted]
-    root = checkout(folder)
-    return found if root is None else [*found, *_packages(root, modules), *_pages(root, modules)]
+    if project.package != OWN or project.root is None:
+        return found
+    return [*found, *_packages(project.root, modules), *_pages(project.root, modules)]
 
 
-def _with_more_operations(folder: Path, modules: dict[str, Module]) -> list[str]:
-    """A line for each formula whose kernels do more than the report of the folder records."""
-    report = folder / REPORT
+def _with_more_operations(project: Project, modules: dict[str, Module]) -> list[str]:
+    """A line for each formula of obseq whose kernels do more than the report of the folder records."""
+    if project.package != OWN:
+        return []
+    report = project.generated / REPORT
     before = recorded_operations(report.read_text("utf-8")) if report.is_file() else {}
-    after = recorded_operations(render_all(modules)[REPORT])
+    after = recorded_operations(render_all(modules, project.package)[REPORT])
     return [
         f"{name}: {before[name]} -> {counts} operations (value, value and Jacobian)"
         for name, counts in after.items()

@@ -4,7 +4,6 @@ import inspect
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from obseq.codegen.compiler import Derived
 from obseq.codegen.dependencies import functions_hash
@@ -13,7 +12,7 @@ from obseq.codegen.kernel_text import Printed
 from obseq.codegen.templating import template
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
-from obseq.module_texts import PENDING, sources_hash, text_hash
+from obseq.module_texts import PENDING, formula_files, sources_hash, text_hash
 
 WIDTH = 110
 FROM_MATH = frozenset({"sqrt"})
@@ -70,15 +69,15 @@ def render(printed: Printed) -> Module:
     return Module(formula, residuals, family, module_name(formula.name), text, _report(derived))
 
 
-def render_index(modules: Iterable[tuple[str, str]]) -> str:
+def render_index(modules: Iterable[tuple[str, str]], package: str) -> str:
     """The index: (formula name, module name) of everything generated; the hash of the equations' files."""
-    sources = sources_hash(Path(inspect.getfile(Formula)).parent)
-    return template("index.py.jinja").render(modules=sorted(modules), sources=sources)
+    sources = sources_hash(formula_files(package))
+    return template("index.py.jinja").render(modules=sorted(modules), sources=sources, package=package)
 
 
-def render_family(family: str) -> str:
-    """The package of the modules of a family."""
-    return template("family.py.jinja").render(family=family)
+def render_family(package: str, family: str) -> str:
+    """The package of the modules of a family of formulas."""
+    return template("family.py.jinja").render(package=package, module=f"{package}.formulas.{family}")
 
 
 def render_report(rows: Iterable[dict[str, object]]) -> str:

@@ -1,5 +1,6 @@
 """Formulas outside the generated folder: made in memory from a class, or in a file from a name."""
 
+import importlib
 from pathlib import Path
 
 from obseq.arguments import expecting, instance
@@ -9,6 +10,7 @@ from obseq.formulas.base import Formula
 from obseq.formulas.families import find
 from obseq.kernels.loading import Kernel, describe
 from obseq.kernels.ondemand import folder, in_memory, write_kept
+from obseq.module_texts import OWN
 
 
 @expecting(formula=instance(Formula, what="a formula, an object of a class derived from Formula"))
@@ -34,10 +36,18 @@ def text_of(name: str) -> str | None:
     return None if formula is None else generate(formula, on_demand=True).text
 
 
-def formula_hash(name: str) -> str:
+def formula_hash(name: str, package: str) -> str:
     """Hash of the mathematics of a formula, as generated modules say it; empty without such a formula."""
-    formula = find(name)
+    formula = formula_of(name, package)
     return "" if formula is None else derive(formula).digest
+
+
+def formula_of(name: str, package: str) -> Formula | None:
+    """The formula of a name: of obseq, its families included, or of the list of another package."""
+    if package == OWN:
+        return find(name)
+    registry = importlib.import_module(f"{package}.formulas").REGISTRY
+    return next((formula for formula in registry if formula.name == name), None)
 
 
 def keep(formula: Formula) -> Path:

@@ -264,3 +264,30 @@ def test_a_wheel_with_objects_needs_no_compiler(copy: Path, tmp_path: Path) -> N
         for changing in ("phases", "run"):
             result.pop(changing, None)
     assert results[0] == results[1]
+
+
+@pytest.mark.slow
+def test_a_package_of_formulas_of_ones_own(built: Path, tmp_path: Path) -> None:
+    """Made, tested, built, installed and used; where it is stale, gencode refuses it and loading tells."""
+    (wheel,) = built.glob("*.whl")
+    commands = install(tmp_path / "environment", str(wheel))
+    run(commands / "gencode", "--new", "mylib", where=tmp_path)
+    root = tmp_path / "mylib"
+    install(tmp_path / "environment", str(root))
+    assert "3 passed" in run(commands / "python", "-m", "pytest", "-q", "-p", "no:cacheprovider", where=root)
+    script = "import obseq; print(obseq.calculator('FitCube').kernel.module.__file__)"
+    installed = Path(run(commands / "python", "-c", script, where=tmp_path).strip())
+    assert installed.is_relative_to(tmp_path / "environment")
+    assert "cos(line^2) - y" in run(commands / "obseq", "formulas", "FitCube", where=tmp_path)
+    for package in (root / "src" / "mylib", installed.parents[2]):
+        equation = package / "formulas" / "curves.py"
+        equation.write_text(equation.read_text("utf-8").replace("** 2", "** 3"), "utf-8")
+    check = [commands / "gencode", "--project", root, "--check"]
+    done = subprocess.run(check, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "curves/fit_cube.py (due)" in done.stdout
+    used = subprocess.run([commands / "python", "-c", script], capture_output=True, text=True, check=False)
+    assert used.returncode == 0
+    assert used.stderr.startswith("FitCube: its formula has changed since its kernel was generated")
+    assert "wrote generated/curves/fit_cube.py" in run(
+        commands / "gencode", "--project", root, where=tmp_path
+    )

@@ -137,7 +137,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "sinex": ("dynadjust", "columns", "project"),
         "starnet": ("columns", "default_sigmas", "includes", "levelled_points", "project", "stochastic"),
         "landxml": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
-        "leica": ("columns", "default_sigmas", "project", "stochastic"),
+        "fieldbooks": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
         "registry": ("catalogue", "once", "project"),
         "networks": ("registry", "obs", "default_sigmas", "once", "project", "stochastic"),
         "point_files": ("obs",),

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from obseq.cli.bundle_sources import OTHERS
-from obseq.formats.catalogue import FORMATS, UNREAD, Role
+from obseq.formats.catalogue import FORMATS, Role
 from obseq.formats.conversion import NETWORK_WRITERS, RESULT_WRITERS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "formats.md"
@@ -35,12 +35,10 @@ def page() -> str:
             written = [".csv", ".obs.csv"]
         cells = (known.name, " ".join(ends), known.holds, known.role.value, " ".join(written) or "-")
         rows.append(f"| {' | '.join(cells)} |\n")
-    unread = ", ".join(known.name for known in UNREAD)
     blocks = "".join(f"| `--{name} {kind}` | {what} |\n" for name, (kind, what) in OTHERS.items())
     results = f"Results (`.json`) are written as {', '.join(RESULT_WRITERS)}."
-    known = f"Known by their content, and not read: {unread}."
     images = f"## Blocks of images\n\n| `obseq bundle` | is |\n|---|---|\n{blocks}"
-    return f"{HEAD}{''.join(rows)}\n{results} {known}\n\n{images}"
+    return f"{HEAD}{''.join(rows)}\n{results}\n\n{images}"
 
 
 if __name__ == "__main__":

@@ -143,7 +143,7 @@ def test_a_wrong_survey_distance_is_the_suspect_with_its_line(tables, capsys):
 def test_sigmas_that_are_all_too_small_make_no_suspect(tables, capsys):
     folder, options, _ = tables
     code, first = suspect_of([*options, "--image-sigma=0.25", f"--json={folder / 'r.json'}"], capsys)
-    assert code == 0  # as `obseq adjust` does; the record says the rest
+    assert code == 1  # as `obseq adjust` does: the overall test rejects, whatever is accused
     assert first.startswith("Bundle adjustment: sigma0")
     assert json.loads((folder / "r.json").read_text())["global_test"]["passed"] is False
 

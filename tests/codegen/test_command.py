@@ -9,6 +9,7 @@ from unchanged import Seen
 import obseq.codegen.main as command
 from obseq.codegen.main import main
 from obseq.codegen.pipeline import STAGES
+from obseq.codegen.project import Project
 from obseq.formulas import REGISTRY
 
 FEW = tuple(formula for formula in REGISTRY if formula.name in ("Dist3D", "TopoHz", "TopoDist"))
@@ -17,8 +18,12 @@ FEW = tuple(formula for formula in REGISTRY if formula.name in ("Dist3D", "TopoH
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty generated folder, and a registry of three formulas."""
-    monkeypatch.setattr(command, "generated_folder", lambda: tmp_path / "generated")
-    monkeypatch.setattr(command, "REGISTRY", FEW)
+
+    def found(*_: object) -> Project:
+        root = tmp_path if (tmp_path / "pyproject.toml").is_file() else None
+        return Project("obseq", FEW, tmp_path / "generated", root)
+
+    monkeypatch.setattr(command, "find_project", found)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "generated").mkdir()
     return tmp_path / "generated"
@@ -54,7 +59,7 @@ def test_check_says_which_folder_is_current(folder: Path, capsys: pytest.Capture
     main([])
     capsys.readouterr()
     assert main(["--check"]) == 0
-    assert capsys.readouterr() == (f"{folder}: current\n", "")
+    assert capsys.readouterr() == (f"reads obseq.formulas of {folder.parent}\n{folder}: current\n", "")
 
 
 def test_check_shows_a_hand_edit_and_the_repair(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

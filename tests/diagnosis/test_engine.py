@@ -16,6 +16,7 @@ from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Slip
 from obseq.diagnosis.verdict import Status
+from obseq.records.diagnosis import DiagnosisRecord
 
 Array = NDArray[np.float64]
 N, U = 40, 6
@@ -209,3 +210,29 @@ def test_noise_that_is_larger_than_announced_accuses_only_what_stands_out_of_it(
     verdict = diagnose(Linearly(matrix, 10.0 * noise))
     assert verdict.status is Status.UNEXPLAINED
     assert [one.change.index for one in verdict.accused] == [17]
+
+
+def test_an_effect_that_is_not_proved_to_exceed_a_sigma_is_a_remark_and_no_error() -> None:
+    matrix, noise = rows_of(10)
+    noise *= 0.3
+    found = []
+    for size in (1.0, 2.0, 4.0):  # sigmas by which each of eight rows is off
+        changed = noise.copy()
+        changed[:8] -= size
+        verdict = diagnose(Linearly(matrix, changed))
+        found.append([[one.change.index for one in some] for some in (verdict.remarks, verdict.accused)])
+    assert found == [[[], []], [[N], []], [[], [N]]]
+
+
+def test_an_effect_within_a_sigma_is_accused_where_the_overall_test_rejects_without_it() -> None:
+    matrix, noise = rows_of(10)
+    noise *= 1.2
+    noise[:8] -= 2.0
+    verdict = diagnose(Linearly(matrix, noise))
+    assert verdict.status is Status.EXPLAINED and not verdict.remarks
+    assert [one.change.index for one in verdict.accused] == [N]
+
+
+@pytest.mark.parametrize("status", Status)
+def test_only_an_accepted_diagnosis_is_quiet(status: Status) -> None:
+    assert DiagnosisRecord(status.value, 1.0, 1).is_quiet == (status is Status.ACCEPTED)

@@ -19,7 +19,7 @@ FOLDERS = ("formulas", "codegen", "generated")
 @pytest.fixture
 def changed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The files of the equations are not those of the modules."""
-    monkeypatch.setattr(provenance, "_have_sources_changed", lambda: True)
+    monkeypatch.setattr(provenance, "_have_sources_changed", lambda package: True)
     for cached in (loading.load, provenance.tell):
         cached.cache_clear()
 
@@ -46,7 +46,7 @@ def test_without_the_generator_nobody_can_say(changed: None, monkeypatch: pytest
 
 def test_the_equations_are_those_of_the_modules() -> None:
     assert provenance.checkout() == ROOT
-    assert not provenance._have_sources_changed()
+    assert not provenance._have_sources_changed("obseq")
 
 
 def test_a_text_that_is_cut_or_changed_is_not_whole() -> None:
@@ -109,5 +109,6 @@ def test_gencode_does_not_check_another_folder_than_the_one_that_one_stands_in(
 
     monkeypatch.chdir(copy / "formulas")
     assert main(["--check"]) == main(["TopoHz"]) == 2
-    assert f"you are in the checkout {copy}, but the obseq that runs" in capsys.readouterr().err
-    assert run(copy, "obseq.codegen.main", "TopoHz", "--check").stdout.startswith(str(copy / "generated"))
+    assert f"you are in the project {copy}, but the obseq that runs" in capsys.readouterr().err
+    first, second = run(copy, "obseq.codegen.main", "TopoHz", "--check").stdout.splitlines()
+    assert first == f"reads obseq.formulas of {copy}" and second.startswith(str(copy / "generated"))

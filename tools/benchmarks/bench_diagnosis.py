@@ -191,6 +191,8 @@ def _classes() -> Iterator[tuple[str, Class]]:
     yield "site: none", Class(networks.site, lambda survey, random, clean: (survey, ()), _survey)
     for name, slip in slips.SLIPS.items():
         yield f"site: {name}", Class(networks.site, partial(_slipped, slip), _survey, has_causes=True)
+    many = partial(networks.site, rounds=16)
+    yield "site: constant below a sigma", Class(many, partial(_slipped, slips.below_a_sigma), _survey)
     yield "block: none", Class(blocks.block, lambda given, random, clean: (given, ()), _block)
     for name, mistake in blocks.MISTAKES.items():
         made = partial(blocks.block, has_poses=True if name in blocks.NEED_POSES else None)
@@ -231,7 +233,7 @@ def _try(name: str, seed: int, folder: Path, found: Rates) -> None:
         return
     changed, faults = planted
     try:
-        run, seconds = _timed(own, folder, changed) if faults else (clean, before)
+        run, seconds = (clean, before) if changed is given else _timed(own, folder, changed)
     except Exception as error:
         found.add(seed, "refused" if isinstance(error, ObseqError) else "crash")
         found.said[seed] = f"{type(error).__name__}: {error}"

@@ -193,8 +193,13 @@ def _written(setup: int, code: int, ends: tuple[str, str], value: float, sigma: 
     return Reading(0, setup, code, *ends, float(turned), sigma / unit)
 
 
-def site(random: Random) -> Survey:
-    """Five to seven set-ups of a total station on 8 to 14 points, in two files; no line is wrong."""
+def site(random: Random, rounds: int = 1) -> Survey:
+    """Five to seven set-ups of a total station on 8 to 14 points, in two files; no line is wrong.
+
+    Args:
+        random: what is drawn from.
+        rounds: how often each sight is read.
+    """
     n, size = int(random.integers(8, 15)), float(random.uniform(120.0, 500.0))
     true = _apart(n, size, 12.0, random, 0.0) + np.array([1000.0, 2000.0, 0.0])
     true[:, 2] += random.normal(0.0, size / 40.0, n)
@@ -204,7 +209,7 @@ def site(random: Random) -> Survey:
     for file in (0, 1):
         for setup in range(file, len(stations), 2):
             targets = [k for k in random.permutation(n).tolist() if k != stations[setup]]
-            readings += _sights(true, (file, setup, stations[setup]), targets, random)
+            readings += _sights(true, (file, setup, stations[setup]), targets, random, rounds)
     known = random.permutation(names)[: int(random.integers(3, 6))].tolist()
     noise = np.where(np.isin(names, known)[:, None], 0.002, 0.3) * random.normal(0.0, 1.0, true.shape)
     coordinates = {name: tuple(row) for name, row in zip(names, (true + noise).tolist(), strict=True)}
@@ -212,13 +217,13 @@ def site(random: Random) -> Survey:
 
 
 def _sights(
-    true: FloatArray, setup: tuple[int, int, int], targets: list[int], random: Random
+    true: FloatArray, setup: tuple[int, int, int], targets: list[int], random: Random, rounds: int
 ) -> list[Reading]:
     """Direction, zenith angle and distance to five to eight targets; setup: file, number and point."""
     file, number, station = setup
     hi, zero = round(float(random.uniform(1.4, 1.7)), 3), random.uniform(0.0, 400.0)
     readings = []
-    for target in targets[: int(random.integers(5, 9))]:
+    for target in targets[: int(random.integers(5, 9))] * rounds:
         ht = float(random.choice([1.3, 1.5, 1.8, 2.15]))
         x, y, z = true[target] - true[station] + [0.0, 0.0, ht - hi]
         length = float(np.linalg.norm([x, y, z]))

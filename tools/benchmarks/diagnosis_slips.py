@@ -120,6 +120,13 @@ def constant(survey: Survey, random: Random) -> Planted:
     return _one(survey, survey.shifted(rows, by), rows, "S150", "constant or scale of distances")
 
 
+def below_a_sigma(survey: Survey, random: Random) -> Planted:
+    """A constant of at most a sigma on all distances: within what sigmas announce."""
+    rows = survey.rows(DIST)
+    by = float(random.uniform(0.8, 1.0) * random.choice([-1.0, 1.0])) * survey.readings[rows[0]].sigma
+    return survey.shifted(rows, by), ()
+
+
 def scale(survey: Survey, random: Random) -> Planted:
     """A scale on the distances of the second file."""
     rows = survey.rows(DIST, file=1)

@@ -52,15 +52,17 @@ class Search(Generic[Place]):
         if solution is not None:
             tests = self._tests(solution)
             found = tests.tests(tests.given(()), blocks=False)
-            if not np.isfinite(gains(tests, found)).any():
-                is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
-                status = Status.ACCEPTED if is_accepted else Status.UNEXPLAINED
-                return Verdict(status, (), tests.cost, tests.linear.redundancy)
+            told = np.flatnonzero(np.isfinite(gains(tests, found))).tolist()
+            is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
+            if is_accepted and all(tests.is_small(i, [i]) for i in told):
+                return judged(self._model, Explanation(0.0, tests, tuple(select(tests)), solution), "")
+            if not told:
+                return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy)
         best = self._from_all_places(solution)
         if best is None:
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
-        reason = "not all explanations were tried: the network is large" if self._is_spent else ""
-        return judged(self._model, best, reason)
+        spent = f"not all explanations were tried: the {self._policy.steps} iterations for that are spent"
+        return judged(self._model, best, spent if self._is_spent else "")
 
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended, if it is a place to test anything at."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from obseq.diagnosis.explanation import accepted
 from obseq.diagnosis.protocol import Change
 from obseq.diagnosis.selection import equals, for_a_slip, inside, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
@@ -36,11 +37,25 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
     if len(chosen) > 1 and redundancy < _HALF * tests.linear.redundancy:
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
-    accused = [_accusation(model, found, chosen, i) for i in chosen]
+    told = {i: _accusation(model, found, chosen, i) for i in chosen}
+    remarks = _remarks(tests, chosen) if is_accepted else []
+    accused = [told[i] for i in chosen if i not in remarks]
     accused.sort(key=lambda one: -one.test / one.limit)
     explained = Status.EXPLAINED if accused else Status.ACCEPTED
     status = explained if is_accepted else Status.UNEXPLAINED
-    return Verdict(status, tuple(accused), left, redundancy, reason)
+    return Verdict(status, tuple(accused), left, redundancy, reason, tuple(told[i] for i in remarks))
+
+
+def _remarks(tests: LinearTests, chosen: list[int]) -> list[int]:
+    """Effects within what sigmas announce, where the overall test accepts without them.
+
+    No instrument is free of them. Of enough observations any is significant, and none is an error: that a
+    sigma is kept is what is tested (a minimum-effect test; Murphy and Myors 1999).
+    """
+    small = [i for i in chosen if tests.is_small(i, chosen)]
+    rest = [i for i in chosen if i not in small]
+    spare = tests.linear.redundancy - sum(map(tests.rank, rest))
+    return small if tests.cost - tests.given(rest).took <= accepted(spare, tests.policy) else []
 
 
 def _of_sigmas(tests: LinearTests) -> float:

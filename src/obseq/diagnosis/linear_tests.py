@@ -249,6 +249,25 @@ class LinearTests:
             start += len(own)
         return found
 
+    def is_small(self, index: int, chosen: Sequence[int]) -> bool:
+        """Whether an effect that equations share is not proved to change any of them by a sigma.
+
+        What is left of it without the limit of its test is compared. Of a single error, this limit is what
+        tells it from noise, which is as large as a sigma by itself.
+
+        Args:
+            index: One of the hypotheses.
+            chosen: All that are accepted together.
+        """
+        if self.hypotheses.is_start[index] or self.hypotheses.is_block[index]:
+            return False
+        rest, own = [i for i in chosen if i != index], self.hypotheses.of(index)
+        test = self.given(chosen).took - self.given(rest).took
+        estimates, _, _ = self.inverse([*rest, index])
+        effect = np.abs(self._columns.effect(own, estimates[-len(own) :])).max()
+        proved = 1.0 - min(self.limit(self.rank(index)) / max(test, _TINY), 1.0) ** 0.5
+        return bool(effect * proved < self.policy.least)
+
     def due(self, chosen: Sequence[int]) -> float:
         """What hypotheses must take away to be believed: the limit of the test of each, and its rarity.
 

@@ -16,6 +16,8 @@ class Policy:
         power: B-method: tests of any number of equations find the same error with it (Baarda's 80 %).
         odds: Likelihood ratio from which one explanation is told from another: 5, 20, 100 gave the same.
         unseen: Share of its own weight below which a column shows nothing: its inverse magnifies rounding.
+        least: Sigmas by which what several observations share must change one of them, and be proved to, to
+            be an error: what is less is within what sigmas announce. By the meaning of a sigma.
         suspect: Sigmas, at the robust place, from which backward elimination starts: beyond any noise.
         whole: Share of the rows of a block that must be off: two errors in one set-up are no wrong set-up.
         share: Share of all squares that an effect which is not linear must explain to be tried as what it is.
@@ -36,6 +38,7 @@ class Policy:
     power: float = 0.80
     odds: float = 20.0
     unseen: float = 1e-4
+    least: float = 1.0
     suspect: float = 6.0
     whole: float = 0.6
     share: float = 0.1

@@ -61,6 +61,7 @@ class Verdict:
         accused: The errors, the clearest first.
         left: Weighted sum of squares that the accusations leave.
         redundancy: Its degrees of freedom.
+        remarks: Effects that many observations show together, none of which they change by a sigma.
         reason: Why nothing was decided, or what was not tried; "" for nothing to say.
     """
 
@@ -69,6 +70,7 @@ class Verdict:
     left: float = 0.0
     redundancy: int = 0
     reason: str = ""
+    remarks: tuple[Accusation, ...] = ()
 
     @property
     def is_honest(self) -> bool:

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.reading.text import encoding_of, quoted, read_bytes
+from obseq.reading.text import encoding_of, quoted, start_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 
@@ -71,6 +70,21 @@ OBS = Format(
     "observations by code, set-ups, deflections, relative sigmas",
 )
 COR = Format("COR of Comp3D and MMVII", (".cor",), "", Role.POINTS, "points with flags and sigmas")
+
+
+def _field_book(
+    name: str,
+    suffixes: tuple[str, ...],
+    reader: str,
+    holds: str,
+    roots: tuple[str, ...] = (),
+    sign: str = "",
+) -> Format:
+    """A format of field books."""
+    what = f"field books: {holds}"
+    return Format(name, suffixes, f"fieldbooks.{reader}", Role.NETWORK, what, roots, sign)
+
+
 FORMATS = (
     Format(
         "Comp3D",
@@ -143,27 +157,59 @@ FORMATS = (
         "points, or observations of any kind, under named columns",
         point_reader="tables.reader:read_point_table",
     ),
-    Format(
+    _field_book(
         "Leica GSI",
         (".gsi",),
-        "leica.reader:read_gsi",
-        Role.NETWORK,
-        "field books: set-ups, directions, zenith angles, distances, both faces, heights",
-        sign=r"\s*\*?(?:11|41)[\d.]{4}[+-][0-9A-Za-z]{8}",
+        "gsi:read_gsi",
+        "GSI-8, GSI-16",
+        sign=r"\s*\*?(?:11|41)[\d.]{4}[+-][0-9A-Za-z?]{8}",
+    ),
+    _field_book("Trimble JobXML", (".jxl",), "jobxml:read_jobxml", "raw circles, prisms, air", ("JOBFile",)),
+    _field_book(
+        "Sokkia SDR",
+        (".sdr",),
+        "sdr:read_sdr",
+        "SDR2x and SDR33, of Nikon and others too",
+        sign=r"[\x02\s]*00NM ?SDR",
+    ),
+    _field_book(
+        "Carlson RW5",
+        (".rw5",),
+        "rw5:read_rw5",
+        "angles right and left, deflections, azimuths",
+        sign=r"\s*(?:\d*\s*\n|\s*--[^\n]*\n)*\s*(?:--)?(?:JB,NM|MO,AD)",
+    ),
+    _field_book(
+        "Nikon RAW",
+        (),
+        "nikon:read_nikon",
+        "V2.00, of Ruide and Trimble M3 too (.raw, .sdr)",
+        sign=r"CO,\s*[^\n]*\b(?:RAW|Raw) data",
+    ),
+    _field_book(
+        "Zeiss and Trimble M5",
+        (".m5",),
+        "m5:read_m5",
+        "M5, R5, R4 of total stations, and of digital levels",
+        sign=r"\s*For[ _](?:M5|R5|R4)\|",
+    ),
+    _field_book(
+        "Geodimeter",
+        (".job", ".are"),
+        "geodimeter:read_geodimeter",
+        "labels of Geodimeter and Trimble",
+        sign=r"\s*(?:\d{1,2}=[^\n]*\n){3}",
+    ),
+    _field_book(
+        "Topcon GTS",
+        (".gts7", ".gts"),
+        "gts:read_gts",
+        "GTS-7 (South, TopSURV) and GTS-210",
+        sign=r"\x02?_'|[^\n]*\n?JOB {5}|JOB {5}",
     ),
     OBS,
     COR,
 )
-UNREAD = (
-    Format("Sokkia SDR", (), "", Role.NETWORK, "", sign=r"00NMSDR"),
-    Format("Carlson RW5", (), "", Role.NETWORK, "", sign=r"(?:--[^\n]*\n)*JB,NM"),
-    Format("Trimble JobXML", (), "", Role.NETWORK, "", ("JOBFile",)),
-    Format("Nikon RAW", (), "", Role.NETWORK, "", sign=r"CO,\s*Nikon"),
-    Format("Trimble or Zeiss M5", (), "", Role.NETWORK, "", sign=r"For M5\|"),
-    Format("Topcon GTS", (), "", Role.NETWORK, "", sign=r"_'"),
-)
-"""Formats that are known by their content, so that a message can name them."""
-
 XML = ".xml"
 START = 4096
 """Bytes of a file that tell what it is."""
@@ -171,30 +217,29 @@ _FIRST_ELEMENT = re.compile(r"<([A-Za-z_][\w.:-]*)")
 
 
 def format_of(path: Path) -> Format:
-    """The format of a file: by its root element, its suffix, or how it begins.
+    """The format of a file: by its root element, how it begins, or its suffix.
 
     Raises:
-        InputError: Nothing here reads it; the message says what it looks like.
+        InputError: Nothing here reads it.
     """
     suffix = path.suffix.lower()
     if suffix == XML:
         return _of_root(path)
+    start = beginning(path)
+    for known in FORMATS:
+        if known.sign and re.match(known.sign, start):
+            return known
     for known in FORMATS:
         if suffix in known.suffixes:
             return known
-    start = beginning(path)
     if start.lstrip().startswith("<?xml"):
         return _of_root(path)
-    like = next(_signed(start), None)
-    if like in FORMATS:
-        return like
-    looks = f": this looks like {like.name}, which nothing here reads" if like is not None else ""
-    raise InputError(f"{path}{looks or ': its format is not known'}; files that are read: {listing()}")
+    raise InputError(f"{path}: its format is not known; files that are read: {listing()}")
 
 
 def beginning(path: Path) -> str:
     """How a file begins."""
-    start = read_bytes(path)[:START]
+    start = start_of(path, START)
     return start.decode(encoding_of(start), "replace")
 
 
@@ -206,11 +251,6 @@ def listing() -> str:
     return ", ".join(f"{name} ({' '.join(dict.fromkeys(ends))})" for name, ends in named.items())
 
 
-def _signed(start: str) -> Iterator[Format]:
-    """Formats whose sign the beginning of a file shows."""
-    return (known for known in (*FORMATS, *UNREAD) if known.sign and re.match(known.sign, start))
-
-
 def _of_root(path: Path) -> Format:
     """By the first element; the whole file is looked at only where that is not found at its start."""
     found = _FIRST_ELEMENT.search(beginning(path))
@@ -218,11 +258,9 @@ def _of_root(path: Path) -> Format:
     for known in FORMATS:
         if name in known.roots:
             return known
-    like = next((known.name for known in UNREAD if name in known.roots), "")
-    looks = f": this looks like {like}, which nothing here reads" if like else ""
     roots = ", ".join(root for known in FORMATS for root in known.roots)
     raise InputError(
-        f"{path}{looks}: <{quoted(name)}> is not the root of a file that can be adjusted; these are {roots}"
+        f"{path}: <{quoted(name)}> is not the root of a file that can be adjusted; these are {roots}"
     )
 
 

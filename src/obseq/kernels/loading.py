@@ -12,7 +12,7 @@ from obseq.compilation.routines import Routine
 from obseq.compilation.signatures import KERNEL
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, nearest
-from obseq.kernels import ondemand, provenance
+from obseq.kernels import index, ondemand, provenance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -100,23 +100,23 @@ class Kernel:
 
 
 def formula_names() -> tuple[str, ...]:
-    """Names of all generated formulas, sorted."""
-    return tuple(sorted(_modules()))
+    """Names of all generated formulas, those of other packages too, sorted."""
+    return tuple(sorted({**index.own(), **index.registered()}))
 
 
 @functools.cache
 def load(name: str) -> Kernel:
     """The formula of that name; nothing is compiled yet.
 
-    A member of a family that is not among the generated modules is built on demand (see `ondemand`). In a
-    checkout, a kernel that is older than its formula is told, once.
+    A member of a family that is not among the generated modules is built on demand (see `ondemand`). A kernel
+    that is older than its formula is told, once, where the formula is at hand.
 
     Raises:
         FormulaError: No formula has that name; the message gives close ones.
     """
-    if name in _modules():
+    if place := index.place(name):
         provenance.tell(name)
-        return describe(importlib.import_module(f"obseq.generated.{_modules()[name]}"))
+        return describe(importlib.import_module(place.module))
     module = ondemand.find(name)
     if module is None:
         raise FormulaError(_unknown(name))
@@ -128,7 +128,7 @@ def _of_text(name: str, text: str) -> Kernel:
 
 
 def _unknown(name: str) -> str:
-    message = f"no formula is named {nearest(name, _modules())}."
+    message = f"no formula is named {nearest(name, formula_names())}."
     if ondemand.can_build():
         return message + " `gencode --list` gives those of the registry; of a family, any degrees will do."
     return message + (
@@ -155,12 +155,6 @@ def describe(module: ModuleType) -> Kernel:
         rows=module.ROWS,
         module=module,
     )
-
-
-@functools.cache
-def _modules() -> dict[str, str]:
-    modules: dict[str, str] = importlib.import_module("obseq.generated.index").MODULES
-    return modules
 
 
 @functools.cache

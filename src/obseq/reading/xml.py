@@ -54,6 +54,27 @@ class Element:
                 return child
         return None
 
+    def content(self, name: str, default: str | None = None) -> str:
+        """What stands in its first child of a name, without white space around it.
+
+        Raises:
+            InputError: Nothing does, and there is no default.
+        """
+        found = self.first(name)
+        text = found.text.strip() if found is not None else ""
+        if not text and default is None:
+            raise self.error(f"<{self.name}>: {name} is missing")
+        return text or default or ""
+
+    def numeric(self, name: str, default: float | None = None) -> float:
+        """The finite number in its first child of a name; the default where nothing is in it.
+
+        Raises:
+            InputError: It is none, or nothing is there and there is no default.
+        """
+        text = self.content(name, None if default is None else "")
+        return self.parsed(text, name) if text or default is None else default
+
     def get(self, name: str) -> str | None:
         """An attribute with its white space collapsed; None when there is none, or it is empty."""
         return " ".join(self.attributes.get(name, "").split()) or None

@@ -94,6 +94,7 @@ class DiagnosisRecord(Record, frozen=True, omit_defaults=False):
         left: Weighted sum of squares without what is accused.
         redundancy: Its degrees of freedom.
         accused: The errors, the clearest first.
+        remarks: Effects that many observations show together, none of which they change by a sigma.
         reason: Why it is undecided, or what was not tried; empty for nothing to say.
     """
 
@@ -102,6 +103,7 @@ class DiagnosisRecord(Record, frozen=True, omit_defaults=False):
     redundancy: int
     accused: tuple[AccusedRecord, ...] = ()
     reason: str = ""
+    remarks: tuple[AccusedRecord, ...] = ()
 
     @property
     def sigma0(self) -> float | None:
@@ -110,5 +112,5 @@ class DiagnosisRecord(Record, frozen=True, omit_defaults=False):
 
     @property
     def is_quiet(self) -> bool:
-        """Whether it names nothing, and left nothing undecided."""
-        return not self.accused and self.status != "undecided"
+        """Whether nothing is wrong: not where something is, if nothing is accused of it."""
+        return self.status == "accepted"

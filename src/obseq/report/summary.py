@@ -135,6 +135,8 @@ def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:
     if found and diagnosis.sigma0 is not None:
         rest = "" if diagnosis.status == "explained" else ": they do not explain all of it"
         yield f"    Without {'it' if len(found) == 1 else 'them'} sigma0 is {diagnosis.sigma0:.3g}{rest}."
+    for item in diagnosis.remarks[:most]:
+        yield f"  Remark: {item.what}: {item.text}. No error: it is not beyond a sigma of each."
     if diagnosis.status == "undecided" or diagnosis.reason:
         yield f"  DIAGNOSIS {diagnosis.status}: {diagnosis.reason}"
 

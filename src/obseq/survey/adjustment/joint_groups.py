@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.joint_levels import joint_critical, joint_level
 from obseq.records.quality import KNOWN, JointTestRecord
 from obseq.survey.kinds.registry import AXIS_OF_VECTOR, IS_ANGLE
@@ -22,11 +21,6 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points
-
-_CHANCE = 0.01
-"""Probability with which an error of the height alone leaves more, to be taken for the cause."""
-_TURNED = 0.01
-"""Share of a vector within which its error is twice the vector."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +42,6 @@ class TestedJointly:
     blunder: FloatArray
     rise: float = float("nan")
     rise_test: float = float("nan")
-
-    @property
-    def is_upright(self) -> bool:
-        """Whether an error of the height alone explains it, but for chance."""
-        return self.statistic - self.rise_test**2 <= chi_square_limit(max(self.degrees - 1, 1), above=_CHANCE)
 
 
 def joint_groups(equations: Equations, book: FieldBook) -> dict[Batch, list[IntArray]]:
@@ -131,27 +120,6 @@ def tested_jointly(equations: Equations, quality: Reliability, n: int) -> tuple[
         TestedJointly(rows, test.statistic, test.degrees, test.blunder, *test.along(rises[rows]))
         for rows, test in tests
     )
-
-
-def upright_cause(test: TestedJointly, book: FieldBook) -> str:
-    """What an error of the height alone is likely to be; empty where it explains too little."""
-    row = int(test.rows[0])
-    if row >= len(book.observations) or not test.is_upright:
-        return ""
-    ends = (book.observations.from_points[row], book.observations.to_points[row])
-    names = dict.fromkeys(book.point_names[end] for end in ends)
-    return f"along the vertical: likely the height of the antenna at {' or at '.join(names)}"
-
-
-def turned_cause(test: TestedJointly, book: FieldBook) -> str:
-    """That a vector goes the other way; empty where its error is not, to a hundredth, twice the vector."""
-    row, observations = int(test.rows[0]), book.observations
-    if row >= len(observations) or observations.from_points[row] == observations.to_points[row]:
-        return ""
-    vector = observations.values[test.rows]
-    if np.linalg.norm(test.blunder - 2.0 * vector) > _TURNED * np.linalg.norm(vector):
-        return ""
-    return "from and to are exchanged: turned round it fits"
 
 
 def joint_records(

@@ -10,8 +10,6 @@ from obseq.errors import InputError
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
     from obseq.survey.kinds.kind import Shared, Site
@@ -72,12 +70,6 @@ class SharedUnknowns:
         return {
             self._book.groups[owner].name: at for (owner, part), at in self._blocks.items() if part == "scale"
         }
-
-    def of_instruments(self, system: LeastSquares) -> Iterator[tuple[str, float]]:
-        """Names and present values (m, parts) of the unknowns of instruments and refraction."""
-        for (_, part), block in self._blocks.items():
-            if part in UNITS:
-                yield part, float(system.values([block])[0, 0])
 
     def _require_axes(self, rows: IntArray) -> None:
         """Raises InputError for an axis whose direction no target gives."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
@@ -113,14 +112,6 @@ def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
 def are_feet(units: Units) -> bool:
     """Whether the files are in feet."""
     return units.written.length.factor != 1.0
-
-
-def in_unit_of(mistake: Mistake, units: Units) -> Mistake:
-    """A mistake with the unit of a file: in one in feet, no value is in feet by mistake, but in metres."""
-    factor = units.written.length.factor
-    if mistake.text != _FEET_TEXT or not are_feet(units):
-        return mistake
-    return replace(mistake, code="W107", text="metres read as feet", right=lambda v: v * factor, factor=1.0)
 
 
 def _sexagesimal(value: float) -> float:

@@ -47,11 +47,13 @@ class _Pairs:
         rows: (n, 2) of the field book: first and second face.
         halves: (n,) half of second minus first face (rad).
         sigmas: (n,) standard deviation of each half.
+        apart: Pairs that no error of an instrument explains: both readings stay.
     """
 
     rows: list[tuple[int, int]]
     halves: FloatArray
     sigmas: FloatArray
+    apart: list[tuple[int, int]]
 
 
 def reduced_faces(book: FieldBook, faces: str = MEAN) -> FieldBook:
@@ -88,14 +90,18 @@ def _second_directions(book: FieldBook, directions: BoolArray, turned: BoolArray
     """(n,) which directions are of the second face."""
     rows = book.observations
     zeniths = np.flatnonzero(rows.types == ZEN.code).tolist()
-    on_lines = {_line(book, row): bool(turned[row]) for row in zeniths}
+    on_lines: dict[tuple[int, ...], list[bool]] = defaultdict(list)
+    for row in zeniths:
+        on_lines[_line(book, row)].append(bool(turned[row]))
+    met: dict[tuple[int, ...], int] = defaultdict(int)
     second = np.zeros(len(rows), np.bool_)
     sights: dict[tuple[int, int], list[int]] = defaultdict(list)
     known: dict[int, bool] = {}
     for row in np.flatnonzero(directions).tolist():
-        face = on_lines.get(_line(book, row))
-        if face is not None:
-            second[row], known[row] = face, face
+        line = _line(book, row)
+        if faces := on_lines.get(line):  # a line of a stream holds several sights of a target
+            second[row] = known[row] = faces[min(met[line], len(faces) - 1)]
+            met[line] += 1
         sights[int(rows.stations[row]), int(rows.to_points[row])].append(row)
     apart: dict[int, list[int]] = defaultdict(list)
     for alike in sights.values():
@@ -124,11 +130,14 @@ def _pairs(book: FieldBook, chosen: BoolArray, second: BoolArray) -> _Pairs:
             heights = rows.from_heights[row], rows.to_heights[row]
             ends = rows.stations[row], rows.from_points[row], rows.to_points[row]
             sights[(*ends, *heights)][int(second[row])].append(row)
-    pairs = [pair for faces in sights.values() for pair in zip(*faces, strict=False)]
-    first, last = np.array(pairs, np.int64).reshape(-1, 2).T
+    pairs = np.array([pair for faces in sights.values() for pair in zip(*faces, strict=False)], np.int64)
+    first, last = pairs.reshape(-1, 2).T
     halves = (np.remainder(rows.values[last] - rows.values[first] + math.pi, FULL_TURN) - math.pi) / 2.0
+    alike = np.abs(halves) <= CLOSE
+    apart = [(int(a), int(b)) for a, b in zip(first[~alike], last[~alike], strict=True)]
+    first, last = first[alike], last[alike]
     sigmas = np.hypot(rows.sigmas[first], rows.sigmas[last]) / 2.0
-    return _Pairs(pairs, halves, sigmas)
+    return _Pairs(list(zip(first.tolist(), last.tolist(), strict=True)), halves[alike], sigmas, apart)
 
 
 def _with_means(book: FieldBook, found: dict[str, _Pairs]) -> FieldBook:
@@ -153,6 +162,11 @@ def _told(book: FieldBook, second: BoolArray, found: dict[str, _Pairs], faces: s
         f"the second face are folded into the first one ({book.label(rows[0])} is the first)"
         + (f"; {counts} are reduced to their means" if counts and faces == MEAN else "")
     )
+    for kind, pairs in found.items():
+        if pairs.apart:
+            shown = listed([book.label(row) for row, _ in pairs.apart], MOST)
+            what = f"{len(pairs.apart)} pairs of {kind} are too far apart to be of one sight"
+            yield f"{what}: both readings stay ({shown})"
     names = {"directions": "collimation error", "zenith angles": "index error"}
     for kind, pairs in found.items():
         for instrument, chosen in _by_instrument(book, pairs):

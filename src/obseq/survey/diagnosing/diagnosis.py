@@ -45,11 +45,12 @@ class Diagnosis:
     def record(self) -> DiagnosisRecord:
         """What the result holds of it."""
         verdict = self.verdict
-        catalogue = self.model.catalogue if verdict.accused else None
-        told = (accused(one, catalogue, self.units) for one in verdict.accused if catalogue is not None)
-        return DiagnosisRecord(
-            verdict.status.value, float(verdict.left), int(verdict.redundancy), tuple(told), verdict.reason
+        told, remarks = (
+            tuple(accused(one, self.model.catalogue, self.units) for one in some)
+            for some in (verdict.accused, verdict.remarks)
         )
+        left, redundancy = float(verdict.left), int(verdict.redundancy)
+        return DiagnosisRecord(verdict.status.value, left, redundancy, told, verdict.reason, remarks)
 
     def named(self) -> list[Named]:
         """What is accused."""

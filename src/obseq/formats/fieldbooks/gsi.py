@@ -1,0 +1,203 @@
+"""Field books of Leica (GSI-8, GSI-16): set-ups, directions, zenith angles, distances, heights of both ends.
+
+A line holds words of 16 or 24 characters: two digits that say what it is, four of which the last is the unit,
+a sign, and 8 or 16 characters. A block begins with the number of its point (11) or a code (41). A block with
+the coordinates of the station (84, 85), or its name (16), sets the instrument up. Where a file has neither, a
+code with a name (42) and a height (43) does it, as many code lists have it. Coordinates are first values.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+from obseq.formats.fieldbooks.book import SHOWN, Book, Sight, unfilled
+from obseq.formats.fieldbooks.units import FOOT, of_sixty
+from obseq.printable import listed
+from obseq.reading.text import read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from obseq.formats.project import Project, Reading
+    from obseq.reading.text import TextFile
+
+NOWHERE = (
+    "a block with the coordinates of the station (84, 85), its name (16), or a code (41) with its name (42) "
+    "and height (43)"
+)
+SHORT, LONG = 16, 24
+"""Characters of a word of GSI-8 and GSI-16, the blank after it included."""
+POINT, INSTRUMENT, STATION, CODE, NAME, HEIGHT = "11", "12", "16", "41", "42", "43"
+HORIZONTAL, VERTICAL, SLOPE, FLAT = "21", "22", "31", "32"
+TARGET, PLACE = ("81", "82", "83"), ("84", "85", "86")
+TARGET_HEIGHT, INSTRUMENT_HEIGHT = "87", "88"
+LENGTHS = {"0": 1e-3, "1": FOOT * 1e-3, "6": 1e-4, "7": FOOT * 1e-4, "8": 1e-5}
+"""Metres in the last digit of a length, by its unit."""
+ANGLES = {"2": math.pi / 200.0 * 1e-5, "3": math.pi / 180.0 * 1e-5, "5": math.pi / 3200.0 * 1e-4}
+"""Radians in the last digit of an angle, by its unit."""
+SEXAGESIMAL = "4"
+"""Unit of angles that are written dddmmss, and a tenth of a second."""
+_WORD = re.compile(r"(\d\d)([0-9.]{3})([0-9.])([+-])(.+)")
+
+
+class _Word(NamedTuple):
+    """A word: its unit, and what it holds with its sign."""
+
+    unit: str
+    sign: str
+    text: str
+
+
+class _Block(NamedTuple):
+    """Words by number, and the line (from 0) that the block begins in."""
+
+    line: int
+    words: dict[str, _Word]
+
+
+def read_gsi(paths: tuple[Path, ...], reading: Reading) -> Project:
+    """Reads field books, one after the other.
+
+    Args:
+        paths: The files.
+        reading: How to read them; `sigmas` are the standard deviations of their observations.
+
+    Raises:
+        InputError: Naming file and line, what is wrong and what to do.
+    """
+    book = Book(reading, NOWHERE)
+    for path in paths:
+        _Gsi(book, read_text(path, reading.encoding)).read()
+    return book.project()
+
+
+class _Gsi:
+    """One file, block by block."""
+
+    def __init__(self, book: Book, file: TextFile) -> None:
+        self._book, self._file, self._height = book, file, 0.0
+        self._by_code: list[str] = []
+        book.open(file)
+
+    def read(self) -> None:
+        """Takes all blocks."""
+        blocks = list(_blocks(self._file))
+        self._has_stations = any(map(_is_station, blocks))
+        for block in blocks:
+            self._take(block)
+        if self._by_code:
+            names = listed(self._by_code, SHOWN)
+            self._book.note(
+                f"{len(self._by_code)} codes with a name (42) and a height (43) are set-ups here: {names}"
+            )
+
+    def _take(self, block: _Block) -> None:
+        words, book = block.words, self._book
+        if INSTRUMENT in words:
+            book.use(unfilled(words[INSTRUMENT].text))
+        if INSTRUMENT_HEIGHT in words:
+            self._height = self._length(block, INSTRUMENT_HEIGHT)
+            if book.is_set_up:
+                book.lift(block.line, self._height)
+        if TARGET_HEIGHT in words:
+            book.target_height = self._length(block, TARGET_HEIGHT)
+        if CODE in words:
+            if NAME in words and HEIGHT in words and not self._has_stations:
+                self._by_code.append(unfilled(words[NAME].text))
+                height = words[HEIGHT]._replace(unit="0")  # codes have no units: millimetres
+                self._height = self._length(block._replace(words={HEIGHT: height}), HEIGHT)
+                book.set_up(block.line, unfilled(words[NAME].text), self._height)
+            return
+        if STATION in words and HORIZONTAL not in words:
+            book.set_up(block.line, unfilled(words[STATION].text), self._height)
+        if POINT not in words:
+            return
+        name = unfilled(words[POINT].text)
+        if _is_station(block):
+            self._keep(block, name, PLACE)
+            book.set_up(block.line, name, self._height)
+        elif HORIZONTAL in words or VERTICAL in words:
+            angles = [self._angle(block, word) if word in words else None for word in (HORIZONTAL, VERTICAL)]
+            lengths = [self._length(block, word) if word in words else None for word in (SLOPE, FLAT)]
+            book.sight(block.line, name, Sight(*angles, *lengths))
+        if TARGET[0] in words and TARGET[1] in words:
+            self._keep(block, name, TARGET)
+
+    def _keep(self, block: _Block, name: str, axes: tuple[str, str, str]) -> None:
+        """First values of a point."""
+        x, y, z = (
+            self._length(block, axis)
+            if axis in block.words and not _is_empty(block.words[axis])
+            else math.nan
+            for axis in axes
+        )
+        self._book.place(block.line, name, (x, y, z))
+
+    def _length(self, block: _Block, word: str) -> float:
+        """A length in metres."""
+        found = block.words[word]
+        if found.unit not in LENGTHS:
+            raise self._file.error(block.line, f"word {word}: {found.unit!r} is no unit of lengths")
+        return self._digits(block, word) * LENGTHS[found.unit]
+
+    def _angle(self, block: _Block, word: str) -> float:
+        """An angle in radians."""
+        found = block.words[word]
+        if found.unit in ANGLES:
+            return self._digits(block, word) * ANGLES[found.unit]
+        if found.unit != SEXAGESIMAL:
+            raise self._file.error(block.line, f"word {word}: {found.unit!r} is no unit of angles")
+        value = self._digits(block, word)
+        tenths = abs(int(value))
+        try:
+            angle = of_sixty(tenths // 100_000, tenths // 1000 % 100, tenths % 1000 / 10.0)
+        except ValueError as error:
+            raise self._file.error(block.line, f"word {word}: {error}") from error
+        return math.copysign(angle, value)
+
+    def _digits(self, block: _Block, word: str) -> float:
+        found = block.words[word]
+        if not (found.text.isascii() and found.text.isdigit()):
+            raise self._file.error(block.line, f"word {word}: {found.text[:20]!r} is no whole number")
+        return float(f"{found.sign}{int(found.text)}")
+
+
+def _is_empty(word: _Word) -> bool:
+    """Whether dashes stand for a number that there is not."""
+    return word.text.endswith("-----")
+
+
+def _is_station(block: _Block) -> bool:
+    """Whether a block says by its words where the instrument stands."""
+    words = block.words
+    return HORIZONTAL not in words and (STATION in words or {*PLACE[:2]} <= words.keys())
+
+
+def _blocks(file: TextFile) -> Iterator[_Block]:
+    """The blocks of a file; several may stand in a line."""
+    for index, line in enumerate(file.lines):
+        words: dict[str, _Word] = {}
+        for number, word in _words(file, index, line):
+            if number in (POINT, CODE) and words:
+                yield _Block(index, words)
+                words = {}
+            words.setdefault(number, word)
+        if words:
+            yield _Block(index, words)
+
+
+def _words(file: TextFile, index: int, line: str) -> Iterator[tuple[str, _Word]]:
+    """The words of a line, of the width that its first character says."""
+    text = line.strip()
+    width = LONG if text.startswith("*") else SHORT
+    text = text.removeprefix("*")
+    for place in range(0, len(text), width):
+        found = _WORD.fullmatch(text[place : place + width].rstrip())
+        if found is None:
+            raise file.error(
+                index, f"no word of GSI at character {place + 1}: {text[place : place + width]!r}"
+            )
+        yield found[1], _Word(found[3], found[4], found[5].strip())

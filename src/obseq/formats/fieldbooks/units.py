@@ -1,0 +1,55 @@
+"""Units of field books: angles as instruments write them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from obseq.reading.text import parse_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+FOOT, SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+"""International foot, foot of the United States' surveys (m)."""
+SECOND = math.pi / 648_000.0
+FULL_TURN, HALF_TURN, RIGHT_ANGLE = 2.0 * math.pi, math.pi, 0.5 * math.pi
+
+
+def of_sixty(degrees: int, minutes: int, seconds: float) -> float:
+    """Radians of degrees, minutes and seconds.
+
+    Raises:
+        ValueError: Minutes or seconds are not below 60.
+    """
+    if minutes >= 60 or seconds >= 60.0:
+        raise ValueError("minutes and seconds are below 60")
+    return (degrees * 3600 + minutes * 60 + seconds) * SECOND
+
+
+def dms(text: str) -> float:
+    """Radians of `ddd.mmsss`: degrees, two digits of minutes, then seconds with their decimals.
+
+    Raises:
+        ValueError: It is no such number.
+    """
+    value = parse_number(text)
+    whole, _, digits = text.strip().lstrip("+-").partition(".")
+    digits = f"{digits:0<4}"
+    if not (whole + digits).isdigit():
+        raise ValueError(f"{text!r} is not degrees.minutes and seconds")
+    angle = of_sixty(int(whole or "0"), int(digits[:2]), float(f"{digits[2:4]}.{digits[4:]}"))
+    return math.copysign(angle, value)
+
+
+def _times(factor: float) -> Callable[[str], float]:
+    return lambda text: parse_number(text) * factor
+
+
+ANGLES: dict[str, Callable[[str], float]] = {
+    "dms": dms,
+    "gon": _times(math.pi / 200.0),
+    "deg": _times(math.pi / 180.0),
+    "mil": _times(math.pi / 3200.0),
+}
+"""Radians of an angle in a text, by its unit."""

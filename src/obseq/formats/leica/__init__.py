@@ -1,1 +1,0 @@
-"""Field books of Leica: GSI-8 and GSI-16."""
