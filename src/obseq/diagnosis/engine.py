@@ -45,6 +45,7 @@ class Search(Generic[Place]):
         self._model, self._policy = model, policy
         self._hypotheses = model.hypotheses
         self._steps = 0
+        self._last: tuple[Place, LinearTests] | None = None
 
     def verdict(self) -> Verdict:
         """What is wrong."""
@@ -77,15 +78,21 @@ class Search(Generic[Place]):
 
     def _tests(self, place: Place, applied: Sequence[Change] = ()) -> LinearTests:
         """The tests at a place; of what is applied the columns stand where the change now is."""
+        if not applied and self._last is not None and self._last[0] is place:
+            return self._last[1]
         linear, columns = self._model.linearised(place, applied)
         for change in applied:  # back to no change, along the tangent
             own = self._hypotheses.of(change.index)
             linear.residuals[:] += columns.effect(own, change.size)
-        return LinearTests(linear, columns, self._hypotheses, self._policy)
+        tests = LinearTests(linear, columns, self._hypotheses, self._policy)
+        self._last = None if applied else (place, tests)
+        return tests
 
     def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:
         """The best explanation from the robust place; from least squares, or without the worst rows."""
-        best: Explanation[Place] | None = None
+        best = None if solution is None else self._by_one(solution)
+        if best is not None:
+            return best
         robust = self._robust(())
         for place in (robust, solution):
             found = None if place is None else self._adapted(place, is_robust=place is robust)
@@ -101,6 +108,14 @@ class Search(Generic[Place]):
         if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
         return best
+
+    def _by_one(self, solution: Place) -> Explanation[Place] | None:
+        """One hypothesis that explains all that least squares show, and is proved by its adjustment."""
+        if len(self._selected(self._tests(solution), [], is_robust=False)) != 1:
+            return None
+        found = self._adapted(solution, is_robust=False)
+        is_proved = found is not None and found.is_accepted and len(found.chosen) == 1
+        return found if is_proved else None
 
     def _in_place_of_several(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a start without what is as good as each of several: far off, one error looks like many."""
