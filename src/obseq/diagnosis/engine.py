@@ -46,6 +46,7 @@ class Search(Generic[Place]):
         self._hypotheses = model.hypotheses
         self._steps = 0
         self._last: tuple[Place, LinearTests] | None = None
+        self._is_large = False
 
     def verdict(self) -> Verdict:
         """What is wrong."""
@@ -62,7 +63,7 @@ class Search(Generic[Place]):
         best = self._from_all_places(solution)
         if best is None:
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
-        spent = f"not all explanations were tried: the {self._policy.steps} iterations for that are spent"
+        spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
         return judged(self._model, best, spent if self._is_spent else "")
 
     def _solution(self) -> Place | None:
@@ -73,8 +74,12 @@ class Search(Generic[Place]):
             return None
 
     @property
+    def _budget(self) -> int:
+        return self._policy.steps_of_large if self._is_large else self._policy.steps
+
+    @property
     def _is_spent(self) -> bool:
-        return self._steps >= self._policy.steps
+        return self._steps >= self._budget
 
     def _tests(self, place: Place, applied: Sequence[Change] = ()) -> LinearTests:
         """The tests at a place; of what is applied the columns stand where the change now is."""
@@ -86,6 +91,7 @@ class Search(Generic[Place]):
             linear.residuals[:] += columns.effect(own, change.size)
         tests = LinearTests(linear, columns, self._hypotheses, self._policy)
         self._last = None if applied else (place, tests)
+        self._is_large = linear.n > self._policy.large
         return tests
 
     def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:
@@ -99,6 +105,8 @@ class Search(Generic[Place]):
             best = better(best, found)
             if best is not None and best.is_accepted and len(best.chosen) == 1:
                 return best  # several may be the price of a wrong place: look from the other
+            if best is not None and self._is_large and len(best.chosen) >= self._policy.most:
+                return best  # few errors do not carry a large model so far away
         if best is None:
             return None
         if best.is_accepted:
@@ -222,7 +230,7 @@ class Search(Generic[Place]):
         blocks = [i for i in best if self._hypotheses.is_block[i]]
         if len(best) > 1 or blocks:  # two rows may look like one group and another row
             rows = select(tests, rows_only=True)
-            left = tests.cost - tests.given(rows).took
+            left = tests.cost - tests.took(rows)
             spare = tests.linear.redundancy - len(rows)
             are_few = any(len(inside(tests, rows, block)) < needed(tests, block) for block in blocks)
             if are_few and left <= accepted(spare, self._policy):
@@ -258,7 +266,7 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     hypotheses = tests.hypotheses
     off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
     count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
-    is_told = hypotheses.is_block & ~hypotheses.needs_slip
+    is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
     left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy

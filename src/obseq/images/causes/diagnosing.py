@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from obseq.images.causes.trials import Fit
     from obseq.images.poses import Poses
 
-MOST_TESTED = 2500
-"""Image points of a block in which single errors are looked for; of larger ones the worst test is told."""
 MANY = 3
 """Errors from which one mistake that all observations share is likelier."""
 MIRRORED = (
@@ -48,7 +46,7 @@ def diagnosed(
     told: Callable[[str], None] = silent,
     **options: object,
 ) -> DiagnosisRecord | None:
-    """What is wrong with an adjusted block; None where nothing can tell, or the block is too large to look.
+    """What is wrong with an adjusted block; None where nothing can tell.
 
     Args:
         solution: of the block.
@@ -62,7 +60,7 @@ def diagnosed(
         return None
     subject = Subject(block, given, solution)
     is_astray = not solution.converged or is_mirrored(solution)
-    if has_robust_weights(solution) or measures > MOST_TESTED:
+    if has_robust_weights(solution):
         is_bad = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
         fits = Tries(subject, told, options).best() if is_bad and measures <= MOST_PLACED else []
         return record_of_fits(fits) if fits else None

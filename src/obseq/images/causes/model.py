@@ -10,6 +10,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.diagnosis.linear import diagonal, linearised
+from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
 from obseq.images.causes.catalogue import Catalogue
@@ -34,13 +35,15 @@ if TYPE_CHECKING:
 
 STAGES = ((Huber(1.5), 25), (GemanMcClure(8.0), 8), (GemanMcClure(4.0), 8))
 """Losses of the robust start, and the most iterations with each."""
+ROUNDS = 5
+"""The most with each where they begin at a solution: all of them cost as much as one adjustment."""
 NEAR, ITERATIONS, TOLERANCE = 0.05, 20, 1e-4
 """Standard deviations by which unknowns may still move: after a stage, and after an adjustment."""
 NO_WEIGHT = 1e6
 """Times its sigma, an observed unknown has no influence."""
 FITTING = 6.0
 """Sigmas: where most image points are farther off, poses did not start near their places."""
-DAMPED = "levenberg-marquardt"
+DAMPED, UNDAMPED = "levenberg-marquardt", "gauss-newton"
 
 
 class Place(NamedTuple):
@@ -117,7 +120,12 @@ class BlockModel:
         return self._solution
 
     def robust(self, without: Sequence[Change] = ()) -> Place:
-        """Where iterations with redescending losses lead: from the start, or from poses of the measures."""
+        """Where iterations with redescending losses lead: from the start, or from poses of the measures.
+
+        In a large block a few errors do not carry least squares away: there they begin where these ended.
+        """
+        if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < FITTING:
+            return self._robustly(self._solution, without)
         found = self._robustly(self.numbering.equations.start, without)
         for other_start in self._other_starts:
             if self._off(found) < FITTING:
@@ -127,15 +135,20 @@ class BlockModel:
             found = other if self._off(other) < self._off(found) else found
         return found
 
-    def _robustly(self, start: Start, without: Sequence[Change]) -> Place:
-        self._begin(start)
+    def _robustly(self, start: Start | Place, without: Sequence[Change]) -> Place:
+        if isinstance(start, Place):
+            self._table.restore(start.state)
+        else:
+            self._begin(start)
         with self._changed(without):
             try:
-                if start.misfit > ROUGH:
+                if not isinstance(start, Place) and start.misfit > ROUGH:
                     approach(self.numbering.equations, DAMPED, {"max_iterations": ITERATIONS})
+                is_near = isinstance(start, Place)
                 for loss, count in STAGES:
                     self._lose(loss)
-                    self._solve(max_iterations=count, tolerance=NEAR)
+                    rounds, strategy = (ROUNDS, UNDAMPED) if is_near else (count, DAMPED)
+                    self._solve(max_iterations=rounds, tolerance=NEAR, strategy=strategy)
             except ObseqError:
                 pass  # what has been found so far is what there is
             finally:
@@ -228,10 +241,14 @@ class BlockModel:
         return tuple(named.cause.slips(self._evidence[1], named.label, change))
 
     def _solve(
-        self, max_iterations: int, tolerance: float = TOLERANCE, covariance: bool = False
+        self,
+        max_iterations: int,
+        tolerance: float = TOLERANCE,
+        covariance: bool = False,
+        strategy: str = DAMPED,
     ) -> LeastSquaresResult:
         return self._system.solve(
-            strategy=DAMPED,
+            strategy=strategy,
             max_iterations=max_iterations,
             tolerance=tolerance,
             covariance=covariance,
