@@ -12,6 +12,7 @@ from obseq.formulas.bundles import BUNDLES
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
 from obseq.formulas.colinearity import COLINEARITIES
 from obseq.formulas.distortion import DISTORTIONS
+from obseq.formulas.drone import DRONE
 from obseq.formulas.image_deformation import (
     DeformImAffinity,
     DeformImHomography,
@@ -116,6 +117,7 @@ REGISTRY: tuple[Formula, ...] = (
     *CENTRAL_PROJECTIONS,
     *COLINEARITIES,
     *BACKWARD,
+    *DRONE,
     *SENSORS,
     *BUNDLES,
 )

@@ -56,6 +56,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
         "reading",
     ),
     "formats": ("survey", "images", "kernels", "geometry", "crs", "records", "reading"),
+    "joint": ("images", "survey", "leastsquares", "kernels"),
     "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
     "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry", "reading"),
     "cli": (
@@ -148,6 +149,10 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "opk": (),
         "aicon": ("blocks", "fitted"),
         "colmap": ("blocks", "camera_terms", "fitted"),
+        "opensfm": ("blocks", "fitted"),
+        "nvm": ("blocks",),
+        "openmvg": ("blocks",),
+        "meshroom": ("blocks",),
         "metashape": ("blocks", "fitted"),
         "bal": ("camera_terms",),
         "bundler": ("bal", "blocks"),

@@ -1,29 +1,34 @@
 """Project trees of MMVII that are made up, after the examples 3 and 4 of its training on surveys with images.
 
     python tools/make_project.py FOLDER --example 4 [--seed N] [--exposures 12] [--targets 60] [--blunders 4]
+    python tools/make_project.py FOLDER --example 3 --training --blunders 0
 
 Example 3: six fixed cameras that are calibrated, known points on the ground, and a car with ten targets whose
 places in its own frame were measured. Example 4: two cameras on a bar, twelve exposures, sixty targets of
 which some are surveyed, three known pillars with a total station. `truth.json` holds what was hidden. The
-commands that adjust them are in docs/projects.md.
+commands that adjust them are in docs/survey-and-images.md. With `--training`, files are called and made as
+those of the training, whose commands run as they are typed there: coordinates in Lambert 93 in `inputs`,
+measures as the extraction of targets leaves them.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq import crs
+from obseq.crs.transformer import Transformer
 from obseq.errors import ObseqError
 from obseq.geometry import RigidMotion, exponential
 from obseq.images import Camera, ImagePoints, Poses
-from obseq.project import measures_text, write_orientation
+from obseq.project import measures_text, read_image_measures, write_orientation
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
@@ -38,6 +43,20 @@ ANGLE_SIGMA, LENGTH_SIGMA = 0.0005, 0.001
 """Of the total station: gon, and metres."""
 BLUNDER = 40.0
 """Pixels."""
+
+
+class Noise(NamedTuple):
+    """Of known points, metres; of measures of targets, and of the car, pixels; what files say of these."""
+
+    points: float = POINT_SIGMA
+    targets: float = PIXEL_SIGMA
+    car: float = PIXEL_SIGMA
+    told: float = PIXEL_SIGMA
+
+
+ORDINARY = Noise()
+TRAINING = {3: Noise(1e-5, 0.02, 0.1, 0.5), 4: Noise(1e-5, 0.5, told=0.5)}
+"""By example: its commands take what one adjustment has found as known in the next, without its errors."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +75,10 @@ class Site:
     points: dict[str, FloatArray]
     rng: np.random.Generator
 
-    def measured(self, names: list[str], sigma: float, blunders: int) -> ImagePoints:
-        """Points in all images that see them, with noise; some are far off."""
+    def measured(
+        self, names: list[str], sigma: float, blunders: int, told: float | None = None
+    ) -> ImagePoints:
+        """Points in all images that see them, with noise; some are far off; `told` is the sigma of files."""
         xyz = np.array([self.points[name] for name in names])
         rows = []
         for k, (image, camera) in enumerate(zip(self.poses.images, self.poses.cameras, strict=True)):
@@ -68,7 +89,7 @@ class Site:
         xy = table[:, 2:] + self.rng.normal(0.0, sigma, (len(table), 2))
         wrong = self.rng.choice(len(table), blunders, replace=False)
         xy[wrong] += BLUNDER * self.rng.choice([-1.0, 1.0], (blunders, 2))
-        return ImagePoints.packed(self.poses.images, names, table[:, 0], table[:, 1], xy, sigma)
+        return ImagePoints.packed(self.poses.images, names, table[:, 0], table[:, 1], xy, told or sigma)
 
     def truth(self) -> str:
         """All that was hidden, as JSON."""
@@ -137,7 +158,9 @@ def sights(points: dict[str, FloatArray], stations: list[str], rng: np.random.Ge
     return "\n".join(lines) + "\n"
 
 
-def bar_project(folder: Path, exposures: int, targets: int, blunders: int, seed: int) -> Site:
+def bar_project(
+    folder: Path, exposures: int, targets: int, blunders: int, seed: int, noise: Noise = ORDINARY
+) -> Site:
     """Example 4: `coord.cor`, `court.obs`, measures in images; calibrations are to be found."""
     rng = np.random.default_rng(seed)
     names = [f"{k:02d}" for k in range(targets)]
@@ -153,10 +176,10 @@ def bar_project(folder: Path, exposures: int, targets: int, blunders: int, seed:
         second: Camera(second, 6000, 4000, focal - 18.0, [2988.0, 2009.0], distortion={"K1": -0.01}),
     }
     site = Site(poses, cameras, points, rng)
-    measures = site.measured(names, PIXEL_SIGMA, blunders)
+    measures = site.measured(names, noise.targets, blunders, noise.told)
     known = [*pillars, *names[:6]]
     rows = [
-        " ".join(["1", name, *(f"{v:.5f}" for v in points[name] + rng.normal(0.0, POINT_SIGMA, 3))])
+        " ".join(["1", name, *(f"{v:.5f}" for v in points[name] + rng.normal(0.0, noise.points, 3))])
         for name in known
     ]
     rows += [" ".join(["0", name, *(f"{v:.1f}" for v in points[name])]) for name in names[6:]]
@@ -170,14 +193,14 @@ def bar_project(folder: Path, exposures: int, targets: int, blunders: int, seed:
     return site
 
 
-def car_project(folder: Path, targets: int, blunders: int, seed: int) -> Site:
+def car_project(folder: Path, targets: int, blunders: int, seed: int, noise: Noise = ORDINARY) -> Site:
     """Example 3: calibrations, `coord_gnd.cor`, `car_xyz.obs`, rough places of its targets, measures."""
     rng = np.random.default_rng(seed)
     ground = {f"G{k:02d}": p for k, p in enumerate(rng.uniform([-6, -6, -0.3], [6, 6, 2.5], (targets, 3)))}
     own = rng.uniform([-0.8, -1.9, 0.2], [0.8, 1.9, 1.5], (10, 3))
     turn, origin = exponential(np.array([0.02, -0.03, 0.7])), np.array([0.8, -0.5, 0.1])
     car = {f"{k:02d}": turn @ place + origin for k, place in enumerate(own)}
-    numbers = ("22300125", "22300130", "22300138", "22300201", "22300202", "22300203")
+    numbers = ("22340125", "22340130", "22340138", "22340201", "22340202", "22340203")
     angle = np.linspace(0.0, 2.0 * np.pi, len(numbers), endpoint=False)
     centres = np.column_stack([9.0 * np.cos(angle), 9.0 * np.sin(angle), np.full(len(numbers), 4.0)])
     images = [f"IGN2_p-cam-{number}-1.jpg" for number in numbers]
@@ -193,7 +216,7 @@ def car_project(folder: Path, targets: int, blunders: int, seed: int) -> Site:
     poses = Poses.of(images, centres, looking(centres, np.zeros((len(images), 3))), cameras=owners)
     site = Site(poses, cameras, ground | car | {"car": origin}, rng)
     rows = [
-        " ".join([name, *(f"{v:.5f}" for v in xyz + rng.normal(0.0, POINT_SIGMA, 3))])
+        " ".join([name, *(f"{v:.5f}" for v in xyz + rng.normal(0.0, noise.points, 3))])
         for name, xyz in ground.items()
     ]
     local = own + rng.normal(0.0, CAR_SIGMA, own.shape)
@@ -209,12 +232,61 @@ def car_project(folder: Path, targets: int, blunders: int, seed: int) -> Site:
             folder / "car_xyz.obs": "\n".join(lines) + "\n",
             folder / "coord_approx_car.cor": "\n".join(near) + "\n",
             folder / "truth.json": site.truth(),
-            **_measure_files(folder, "Gnd", site.measured(list(ground), PIXEL_SIGMA, blunders)),
-            **_measure_files(folder, "Car", site.measured(list(car), PIXEL_SIGMA, 0)),
+            **_measure_files(folder, "Gnd", site.measured(list(ground), noise.targets, blunders, noise.told)),
+            **_measure_files(folder, "Car", site.measured(list(car), noise.car, 0)),
         }
     )
     write_orientation(folder / TREE / "Ori/Calib", poses.select([]), cameras)
     return site
+
+
+def training_project(
+    folder: Path, example: int, exposures: int, targets: int, blunders: int, seed: int
+) -> Site:
+    """Example 3 or 4 as the commands of the training take it: its files, its sigmas; `truth.json` is ours."""
+    if example == 4:
+        site = bar_project(folder, exposures, targets, blunders, seed, TRAINING[4])
+    else:
+        site = car_project(folder, targets, blunders, seed, TRAINING[3])
+    _rename_as_in_the_training(folder, site, example)
+    return site
+
+
+def _rename_as_in_the_training(folder: Path, site: Site, example: int) -> None:
+    inputs, measures = folder / "inputs", folder / TREE / "ObjMesInstr"
+    tables = ("coord.cor",) if example == 4 else ("coord_gnd.cor", "coord_approx_car.cor")
+    texts = {inputs / name: _in_lambert((folder / name).read_text("utf-8")) for name in tables}
+    if example == 4:
+        texts[inputs / "polygone.obs"] = (folder / "court.obs").read_text("utf-8")
+        targets = read_image_measures(measures / "Targets")
+        for k, name in enumerate(("TargetsC", "TargetsI")):  # two kinds: every other target
+            kind = targets.of_points(sorted(targets.point_names)[k::2])
+            texts |= _measure_files(folder, name, kind)
+        shutil.rmtree(measures / "Targets")
+    write_all(texts)
+    if example == 3:
+        (folder / "car_xyz.obs").rename(inputs / "car_xyz.obs")
+        (measures / "Gnd").rename(inputs / "gnd_img_V2")
+        (measures / "Car").rename(measures / "Targets")
+        (folder / TREE / "Ori/Calib").rename(inputs / "calibsV2")
+        (inputs / "calibsV2/CurSysCo.xml").unlink(missing_ok=True)
+    for name in (*tables, "court.obs"):
+        (folder / name).unlink(missing_ok=True)
+    for image in site.poses.images:
+        (folder / image).touch()
+
+
+def _in_lambert(table: str) -> str:
+    """The lines of a COR file of the site in Lambert 93; a field is put before names that have none."""
+    rows = [line.split() for line in table.splitlines()]
+    places = np.array([row[-3:] for row in rows], float)
+    there = Transformer(crs.parse(SITE), crs.parse("IGNF:LAMB93")).forward(places, [row[-4] for row in rows])
+    heads = [" ".join(row[:-3]) if len(row) > 4 else f"1 {row[0]}" for row in rows]
+    lines = [
+        " ".join([head, *(f"{v:.5f}" for v in xyz)])
+        for head, xyz in zip(heads, np.asarray(there), strict=True)
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _measure_files(folder: Path, name: str, measures: ImagePoints) -> dict[Path, str]:
@@ -233,6 +305,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--targets", type=int, default=60, help="(%(default)s)")
     parser.add_argument("--blunders", type=int, default=4, help="image measures 40 px off (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--training", action="store_true", help="files as those of the training")
     return parser.parse_args()
 
 
@@ -241,7 +314,9 @@ def main() -> int:
     options = arguments()
     common = {"targets": options.targets, "blunders": options.blunders, "seed": options.seed}
     try:
-        if options.example == 4:
+        if options.training:
+            training_project(options.folder, options.example, options.exposures, **common)
+        elif options.example == 4:
             bar_project(options.folder, options.exposures, **common)
         else:
             car_project(options.folder, **common)

@@ -1,7 +1,7 @@
-"""Photograph pages of reports for the documentation: `python tools/report_pictures.py POLYGON.comp`.
+"""Photograph pages of reports: `python tools/report_pictures.py POLYGON.comp BLOCK.xml`.
 
-The project is a total station's network of some fifty points; the pictures go to docs/pictures. It needs
-Chromium with its driver, and `obseq[browser]`.
+The project is a total station's network of some fifty points, the block one of DBAT. The pictures go to
+docs/pictures. It needs Chromium with its driver, and `obseq[browser]`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,13 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from obseq.cli.main import main as obseq
 from obseq.report import page
-from obseq.survey import Datum, Quality
+from obseq.report.compared import comparison_page
+from obseq.report.planned import plan_page
+from obseq.survey import Datum, Network, Quality, compare, plan, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,11 +29,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 PHONE = {"width": 375, "height": 800, "deviceScaleFactor": 1, "mobile": True}
-SETTINGS = (
-    "const form = document.getElementById('settings');"
-    "form.elements.theme.value = arguments[0]; form.elements.language.value = arguments[1];"
-    "form.dispatchEvent(new Event('change')); document.getElementById('plan').scrollIntoView()"
-)
+SETTINGS = "page.paint(arguments[0])"
 
 
 def bench() -> ModuleType:
@@ -53,18 +54,49 @@ def records(networks: dict[str, Any]) -> Iterator[tuple[str, AdjustmentRecord]]:
 
 
 def photograph(browser: Any, opened: Any, path: Path, name: str) -> None:
-    """The pictures of one page: light, and on a phone or dark with French numbers."""
+    """The pictures of one page: light; one of them dark, and on a phone."""
     opened(browser, path)
-    browser.execute_script(SETTINGS, "light", "en")
+    browser.execute_script(SETTINGS, "light")
     browser.save_screenshot(str(PICTURES / f"report-{name}.png"))
     if name != "polygon":
         return
-    browser.execute_script(SETTINGS, "dark", "fr")
+    browser.execute_script(SETTINGS, "dark")
     browser.save_screenshot(str(PICTURES / "report-dark.png"))
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
     opened(browser, path)
     browser.save_screenshot(str(PICTURES / "report-phone.png"))
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def grid(folder: Path) -> Any:
+    """A site of twenty points, four of them known, that is to be measured from six stations."""
+    places = np.array([(40.0 * (k % 5), 45.0 * (k // 5), 2.0 * (k % 3)) for k in range(20)])
+    known, stations = (0, 4, 15, 19), (0, 4, 7, 12, 15, 19)
+    points = [
+        f"{1 if k in known else 0} P{k} {x} {y} {z} {0.002 if k in known else ''}"
+        for k, (x, y, z) in enumerate(places.tolist())
+    ]
+    (folder / "site.cor").write_text("\n".join(points) + "\n", encoding="utf-8")
+    lines = []
+    for origin in stations:
+        targets = [k for k in range(20) if 0.0 < np.linalg.norm(places[k] - places[origin]) < 130.0]
+        code = 7
+        for target in targets:
+            length = np.linalg.norm(places[target] - places[origin])
+            lines += [f"{code} P{origin} P{target} 0 0.0006", f"6 P{origin} P{target} 100 0.001"]
+            lines.append(f"3 P{origin} P{target} {length:.4f} 0.002")
+            code = 5
+    (folder / "site.obs").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return simulate(Network.read(folder / "site.obs", folder / "site.cor", frame="Local"), noise=False)
+
+
+def pages(folder: Path, networks: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """The texts of the pages by name of their picture."""
+    yield from ((name, page(record)) for name, record in records(networks))
+    site = grid(folder)
+    yield "plan", plan_page(plan(site).record())
+    first, second = (simulate(site, seed).adjust() for seed in (1, 2))
+    yield "compare", comparison_page(compare(first, second).record())
 
 
 def main() -> None:
@@ -77,10 +109,13 @@ def main() -> None:
             "project" if title == project.stem else title: network
             for title, network in reports.networks(Path(name), project)
         }
-        for title, record in records(networks):
+        for title, text in pages(Path(name), networks):
             path = Path(name) / f"{title}.html"
-            path.write_text(page(record), encoding="utf-8")
+            path.write_text(text, encoding="utf-8")
             photograph(browser, browsing.opened, path, title)
+        block = Path(name) / "block.html"
+        obseq(["bundle", "--dbat", sys.argv[2], "--html", str(block)])
+        photograph(browser, browsing.opened, block, "block")
 
 
 if __name__ == "__main__":

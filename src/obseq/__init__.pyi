@@ -15,6 +15,7 @@ from .errors import SingularSystemError as SingularSystemError
 from .errors import SolverStateError as SolverStateError
 from .errors import SolverUnavailableError as SolverUnavailableError
 from .errors import StepError as StepError
+from .joint import Adjustment as Adjustment
 from .kernels.calculator import Calculator as Calculator
 from .kernels.calculator import calculator as calculator
 from .kernels.loading import formula_names as formula_names

@@ -64,7 +64,7 @@ def test_lists_are_read_as_mmvii_writes_them():
     assert parse_value("[[a,1],[b,[2,3]]]", "X") == [["a", "1"], ["b", ["2", "3"]]]
     assert parse_value("word", "X") == "word"
     options = parse_options(["GCPDir=T", "GCPW=[0,0.5,1,3,2]", "AddGCPW=[[U,-1,2]]", "GCPDirOut=N"])
-    assert options.points == (Set3D("T", 0.0, "N"), Set3D("U", -1.0))
+    assert options.points == (Set3D("T", 0.0, "N", True), Set3D("U", -1.0, None, True))
     assert options.measures == (Set2D("T", 0.5, 1.0, 3.0, 2.0), Set2D("U", 2.0))
     assert parse_options(["GCP2D=[F,1,-1,5]"]).measures == (Set2D("F", 1.0, None, 5.0),)
     assert parse_options(["PoseVisc=[0.1,-1]"]).viscosity == (0.1, None)

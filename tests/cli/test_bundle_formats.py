@@ -28,6 +28,11 @@ def test_a_script_of_dbat_is_a_block(shared_data, capsys):
     assert "sigma0 1.1786" in capsys.readouterr().out
 
 
-def test_a_sigma_for_measures_that_have_their_own_is_refused(shared_data, capsys):
-    assert main(["bundle", f"--dbat={shared_data / 'dbat-sxb/sxb.xml'}", "--image-sigma=0.5"]) == 2
-    assert "have sigmas of the measures" in capsys.readouterr().err
+def test_a_sigma_for_measures_that_have_their_own_replaces_them_with_a_note(shared_data, capsys):
+    given = ["bundle", f"--dbat={shared_data / 'dbat-sxb/sxb.xml'}"]
+    assert main([*given, "--image-sigma=0.5"]) in (0, 1)
+    said = capsys.readouterr()
+    assert "note: the sigmas of the files are replaced by 0.5 px" in said.out
+    assert ", sigma 0.5 px" in said.err
+    main(given)
+    assert "are replaced" not in capsys.readouterr().out

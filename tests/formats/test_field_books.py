@@ -12,7 +12,7 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Network
 
-PATH = Path(__file__).parents[2] / "tools" / "field_books.py"
+PATH = Path(__file__).parents[2] / "tools" / "benchmarks" / "field_books.py"
 SPEC = importlib.util.spec_from_file_location("field_books", PATH)
 assert SPEC is not None and SPEC.loader is not None
 simulated = importlib.util.module_from_spec(SPEC)

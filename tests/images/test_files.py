@@ -67,9 +67,9 @@ def test_a_backward_camera_stays_one(tmp_path):
             "name,width,height,focal,backward\nc,9,9,9,2\n",
             r"f\.csv:2: backward is 0 or 1, not 2",
         ),
-        (read_cameras, "", r"f\.csv: the file has no line of column names"),
+        (read_cameras, "", r"f\.csv:1: the file has no line of column names"),
         (read_cameras, "name,width,height\n", r"f\.csv: column 'focal' is missing"),
-        (read_cameras, "name,width,height,focal\nc,10,10\n", r"f\.csv:2: 3 fields for 4 columns"),
+        (read_cameras, "name,width,height,focal\nc,10,10\n", r"f\.csv:2: 3 cells for 4 columns"),
         (
             read_cameras,
             "name,width,height,focal\nc,10,10,x\n",
@@ -87,7 +87,7 @@ def test_a_backward_camera_stays_one(tmp_path):
         ),
         (read_measures, "image,point,x,y\na,P,1,2\n", r"f\.csv: no column says how good"),
         (read_measures, "image,point,x,y,sigma\na,P,1,2,0\n", r"f\.csv:2: image a, point P: the sigma"),
-        (read_measures, "image,point,x,x\n", r"f\.csv:1: a column name comes twice"),
+        (read_measures, "image,point,x,x\n", r"f\.csv:1: two columns have the name x"),
         (read_bal, "1 1\n", r"f\.csv: the first line of a BAL file"),
         (read_bal, "1 1 1\n0 0 1 2\n", r"f\.csv:1: .* are 19 numbers; the file has 7"),
         (

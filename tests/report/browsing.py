@@ -45,9 +45,11 @@ LESS = (
     "}"
 )
 PAINTED = (
-    "const painted = () => arguments[0](performance.now());"
-    "requestAnimationFrame(() => requestAnimationFrame(painted))"
+    "const [done] = arguments; const painted = () => done(performance.now());"
+    "const look = () => (document.documentElement.dataset.ready !== 'no'"
+    "  ? requestAnimationFrame(() => requestAnimationFrame(painted)) : setTimeout(look, 5)); look()"
 )
+"""Waits until the script of a page has made it, and it is painted."""
 
 
 RUN = re.compile(r"[0-9a-f]{12}, \d{4}-\d\d-\d\dT[\d:+]+;|/[^ <]*/pages\d+/")

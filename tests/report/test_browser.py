@@ -1,5 +1,6 @@
 """The page in a browser: it sorts, filters and links tables with the plan, loads nothing and logs nothing."""
 
+import base64
 import importlib.util
 import json
 import sys
@@ -126,9 +127,9 @@ def spoilt(report, browser) -> Iterator[Path]:
 def cells(browser, table: str, title: str) -> list[str]:
     """What a column shows, in the rows that are in sight."""
     return browser.execute_script(
-        "const [id, title] = arguments; const section = document.getElementById(id);"
-        "const k = [...section.querySelectorAll('th')].findIndex((th) => th.textContent.startsWith(title));"
-        "return [...section.querySelectorAll('tbody tr[data-row]')].map((tr) => tr.children[k].textContent)",
+        "const [id, title] = arguments; const element = page.tables.get(id).element;"
+        "const k = [...element.querySelectorAll('th')].findIndex((th) => th.textContent.startsWith(title));"
+        "return [...element.querySelectorAll('tbody tr[data-row]')].map((tr) => tr.children[k].textContent)",
         table,
         title,
     )
@@ -139,22 +140,25 @@ def click(browser, selector: str) -> None:
 
 
 def escape(browser) -> None:
-    """Nothing is picked any more."""
+    """Nothing is picked any more, and every row is shown."""
     browser.execute_script("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }))")
 
 
-def write(browser, label: str, text: str) -> None:
-    """Writes in the field whose label begins so."""
+def write(browser, table: str, text: str) -> None:
+    """Writes in the filter of a table."""
     browser.execute_script(
-        "const field = document.querySelector(`[aria-label^='${arguments[0]}']`); field.value = arguments[1];"
-        "field.dispatchEvent(new Event('input', { bubbles: true }))",
-        label,
+        "const { input } = page.tables.get(arguments[0]); input.value = arguments[1];"
+        "input.dispatchEvent(new Event('input', { bubbles: true }))",
+        table,
         text,
     )
 
 
 def choose(browser, name: str, value: str) -> None:
     """Changes one of the settings of the page."""
+    if name == "theme":
+        browser.execute_script("page.paint(arguments[0])", value)
+        return
     browser.execute_script(
         "const form = document.getElementById('settings');"
         "form.elements[arguments[0]].value = arguments[1];"
@@ -165,49 +169,71 @@ def choose(browser, name: str, value: str) -> None:
 
 
 def test_rows_sort_by_any_column(report, browser) -> None:
-    worst = [abs(float(text)) for text in cells(browser, "observations", "standardised") if text != "-"]
+    worst = [abs(float(text)) for text in cells(browser, "observations", "w") if text != "-"]
     assert len(worst) > 5 and worst == sorted(worst, reverse=True)
-    sort = "#observations th:nth-child(4) button"
+    sort = "#s-observations th:nth-child(7) button"
     click(browser, sort)
-    state = "return document.querySelector('#observations th:nth-child(4)').getAttribute('aria-sort')"
+    state = "return document.querySelector('#s-observations th:nth-child(7)').getAttribute('aria-sort')"
     assert browser.execute_script(state) == "ascending"
-    rows = browser.execute_script("return page.tables[0].rows")
-    content = "JSON.parse(document.getElementById('content').textContent)"
-    column = browser.execute_script(f"return {content}.tables[0].columns[3].values")
+    rows = browser.execute_script("return page.tables.get('observations').rows")
+    column = browser.execute_script("return page.tables.get('observations').columns[6].values")
     assert [column[row] for row in rows] == sorted(column)
     click(browser, sort)
     assert browser.execute_script(state) == "descending"
+    browser.execute_script(
+        "const table = page.tables.get('observations'); table.order = { key: 'w', sign: -1 };"
+        "table.describe(); table.refresh()"
+    )
 
 
 def test_filters_keep_what_they_say(report, browser) -> None:
-    write(browser, "filter Observations: type", "Dist")
+    write(browser, "observations", "Dist |w|>1")
     assert set(cells(browser, "observations", "type")) == {"Dist"}
-    write(browser, "filter Observations: standardised", "|> 1|")
-    kept = [float(text) for text in cells(browser, "observations", "standardised")]
-    assert all(abs(value) > 1.0 for value in kept)
-    write(browser, "filter Observations: type", "")
-    write(browser, "filter Observations: standardised", "")
-    counted = browser.execute_script("return page.tables[0].rows.length === page.tables[0].size")
-    assert counted
+    assert all(abs(float(text)) > 1.0 for text in cells(browser, "observations", "w"))
+    name = browser.execute_script("return page.content.names[0]")
+    write(browser, "observations", f"{name} w<0")
+    rows = zip(*(cells(browser, "observations", title) for title in ("from", "to", "w")), strict=True)
+    assert all(name in (start, end) and float(w) < 0 for start, end, w in rows)
+    write(browser, "observations", "")
+    kept = "const table = page.tables.get('observations'); return table.rows.length === table.size"
+    assert browser.execute_script(kept)
 
 
-def test_a_row_shows_its_sight_and_a_point_its_rows(report, browser) -> None:
-    click(browser, "#observations tbody tr[data-row]")
+def test_one_selection_goes_through_the_page(report, browser) -> None:
+    click(browser, "#s-observations tbody tr[data-row]")
     ends = [cells(browser, "observations", title)[0] for title in ("from", "to")]
     drawn = browser.execute_script("return page.plan.selection.points.map((k) => page.content.names[k])")
     assert drawn == ends
-    assert ends[0] in browser.execute_script("return document.getElementById('picked').textContent")
+    box = "return document.getElementById('selbox').textContent"
+    assert ends[0] in browser.execute_script(box)
+    row = browser.execute_script("return page.selection.row")
+    assert browser.execute_script("return location.hash") == f"#o{row}"
     name = browser.execute_script(
-        "const plan = page.plan; const k = page.observations.columns[1].values[0];"
-        "plan.follow({ points: [k] });"
-        "plan.scale *= 30; plan.middle = [plan.content.x[k], plan.content.y[k]]; plan.draw();"
+        "const { plan } = page; const k = page.observations.columns[1].values[0]; page.choose({ point: k });"
+        "plan.scale *= 30; plan.middle = [plan.content.x[k], plan.content.y[k]]; plan.put();"
         "plan.pick(...plan.place(k)); return page.content.names[k]"
     )
+    assert browser.execute_script("return decodeURIComponent(location.hash)") == f"#p{name}"
+    assert name in browser.execute_script(box)
+    browser.execute_script("page.showRows()")
     both = zip(cells(browser, "observations", "from"), cells(browser, "observations", "to"), strict=True)
     assert all(name in ends for ends in both)
-    assert set(cells(browser, "points", "point")) == {name}
+    browser.execute_script("page.plan.fit()")
     escape(browser)
-    assert browser.execute_script("return page.tables[0].rows.length === page.tables[0].size")
+    assert browser.execute_script(
+        "const table = page.tables.get('observations'); return table.rows.length === table.size"
+    )
+
+
+def test_an_address_selects(report, browser) -> None:
+    name = browser.execute_script("return page.content.names[1]")
+    browser.get(f"{report.as_uri()}?again#p{name}")
+    wait = (
+        "const [done] = arguments;"
+        "const look = () => (page ? done(page.selection.point) : setTimeout(look, 20)); look()"
+    )
+    assert browser.execute_async_script(wait) == 1
+    show(browser, report)
 
 
 def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
@@ -215,7 +241,7 @@ def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
     from selenium.webdriver.common.by import By
 
     canvas = browser.find_element(By.ID, "map")
-    browser.execute_script("document.getElementById('plan').scrollIntoView()")
+    browser.execute_script("document.getElementById('planpane').scrollIntoView()")
     before = browser.execute_script("page.plan.fit(); return [page.plan.scale, ...page.plan.middle]")
     pointer = ActionChains(browser, duration=STROKE)
     pointer.move_to_element(canvas).click_and_hold().move_by_offset(80, 30).release().perform()
@@ -223,34 +249,57 @@ def test_real_clicks_and_wheels_move_and_pick(report, browser) -> None:
     assert moved[0] == before[0]
     assert moved[1] - before[1] == pytest.approx(-80 / before[0], rel=0.05)
     assert moved[2] - before[2] == pytest.approx(30 / before[0], rel=0.05)
-    browser.find_element(By.CSS_SELECTOR, "[data-zoom='2']").click()
-    assert browser.execute_script("return page.plan.scale") == pytest.approx(2 * before[0])
+    browser.find_element(By.CSS_SELECTOR, "[data-zoom='1.5']").click()
+    assert browser.execute_script("return page.plan.scale") == pytest.approx(1.5 * before[0])
     canvas.send_keys("0")
     assert browser.execute_script("return page.plan.scale") == pytest.approx(before[0], rel=1e-6)
     place = browser.execute_script(
-        "const p = page.plan; p.draw(); const [, x, y] = p.inside[0];"
+        "const p = page.plan; p.put(); const [, x, y] = p.inside[0];"
         "return [x - p.width / 2, y - p.height / 2]"
     )
     pointer = ActionChains(browser, duration=STROKE)
     pointer.move_to_element_with_offset(canvas, *map(round, place)).click().perform()
     assert browser.execute_script("return page.plan.selection.points.length") >= 1
     escape(browser)
+    canvas.send_keys("n")
+    assert browser.execute_script("return page.selection.point") is not None
+    escape(browser)
 
 
 def test_types_are_switched_on_the_plan(report, browser) -> None:
     drawn = (
         "const { sights, visible } = page.plan;"
-        "return sights.list.filter((pair) => [...pair.types].some((type) => visible.has(type))).length"
+        "return sights.list.filter((pair) => pair.types.some((type) => visible.has(type))).length"
     )
     before = browser.execute_script(drawn)
-    boxes = "#layers fieldset:nth-child(2) input"
-    browser.execute_script(f"for (const box of document.querySelectorAll('{boxes}')) box.click()")
+    switch = "for (const box of document.querySelectorAll('#planbar .menu input')) box.click()"
+    browser.execute_script(switch)
     assert before > 0
     assert browser.execute_script(drawn) == 0
+    browser.execute_script(switch)
+
+
+def test_names_stand_apart_and_ellipses_within(report, browser) -> None:
+    """What is drawn: no two names overlap, and no ellipse of the whole plan leaves it."""
+    boxes, ellipses, size = browser.execute_script(
+        "const { plan } = page; plan.fit(); plan.put(); const [names, rings] = [[], []];"
+        "const sheet = new CanvasSheet(plan.context, plan.width, plan.height);"
+        "const box = (t, x, y, how) => [x, y - 10, x + sheet.wide(t, 12, how.weight), y + 2];"
+        "sheet.text = (...told) => { if (told[3].halo) names.push(box(...told)); };"
+        "const size = (k) => (plan.content.major[k] ?? 0) * plan.ellipseScale;"
+        "for (const [k, x, y] of plan.inside) rings.push([x, y, size(k)]);"
+        "plan.drawNames(sheet); return [names, rings, [plan.width, plan.height]]"
+    )
+    assert boxes
+    for k, one in enumerate(boxes):
+        for other in boxes[:k]:
+            assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+    for x, y, radius in ellipses:
+        assert radius <= x <= size[0] - radius and radius <= y <= size[1] - radius
 
 
 def test_units_and_decimal_marks_are_chosen(spoilt, browser) -> None:
-    write(browser, "filter Observations: type", "Hz")
+    write(browser, "observations", "Hz")
     (gon,) = cells(browser, "observations", "observed")[:1]
     choose(browser, "angles", "degree")
     (degrees,) = cells(browser, "observations", "observed")[:1]
@@ -267,6 +316,8 @@ def test_units_and_decimal_marks_are_chosen(spoilt, browser) -> None:
     assert whole + minutes / 60 + seconds / 3600 == pytest.approx(float(degrees.split()[0]), abs=3e-5)
     assert french == sexagesimal.replace(".", ",")
     assert "," in cells(browser, "points", "x")[0]
+    for name, value in (("language", "en"), ("lengths", "m"), ("angles", "gon")):
+        choose(browser, name, value)
 
 
 def test_nothing_is_logged_and_nothing_is_asked_of_a_network(report, browser) -> None:
@@ -282,8 +333,7 @@ def test_nothing_is_logged_and_nothing_is_asked_of_a_network(report, browser) ->
 def test_axe_finds_nothing(spoilt, browser, violations) -> None:
     for theme, rules in (("light", []), ("dark", ["color-contrast"])):  # the rest is the same page
         choose(browser, "theme", theme)
-        dark = browser.execute_script("return document.documentElement.hasAttribute('data-dark')")
-        assert dark == (theme == "dark")
+        assert browser.execute_script("return document.documentElement.dataset.theme") == theme
         assert violations(f"{spoilt.stem} {theme}", *rules) == [], theme
 
 
@@ -302,10 +352,12 @@ def test_a_phone_shows_it_without_sideways_scrolling(path, browser, violations) 
 def test_charts_are_those_of_the_stored_residuals(report, browser) -> None:
     stored = json.loads(report.with_suffix(".json").read_text(encoding="utf-8"))["observations"]
     residuals = np.array([row["standardised_residual"] for row in stored if row.get("standardised_residual")])
-    bars = "return [...document.querySelectorAll('#charts .bar title')].map((bar) => Number(bar.textContent))"
+    bars = (
+        "return [...document.querySelectorAll('#s-quality .bar title')].map((bar) => Number(bar.textContent))"
+    )
     edges = np.concatenate([[-np.inf], np.arange(-4.5, 5.0, 0.5), [np.inf]])
     np.testing.assert_array_equal(browser.execute_script(bars), np.histogram(residuals, edges)[0])
-    path = browser.execute_script("return document.querySelector('#charts .dot').getAttribute('d')")
+    path = browser.execute_script("return document.querySelector('#s-quality .dot').getAttribute('d')")
     dots = np.array([text.split("a")[0].split() for text in path.split("M")[1:]], dtype=float)
     expected = ndtri((np.arange(len(residuals)) + 0.5) / len(residuals))
     assert len(dots) == len(residuals)
@@ -314,13 +366,19 @@ def test_charts_are_those_of_the_stored_residuals(report, browser) -> None:
     np.testing.assert_allclose(np.polyval(up, np.sort(residuals)), dots[:, 1], atol=0.1)
 
 
-def test_paper_has_all_rows(report, browser) -> None:
+def test_paper_is_short_and_has_the_worst(report, browser) -> None:
     browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
-    shown = "const t = page.tables[0]; return [t.body.querySelectorAll('tr[data-row]').length, t.size]"
-    printed, size = browser.execute_script(shown)
-    assert printed == min(size, 3000)
+    paper = browser.execute_script("return document.getElementById('paper').textContent")
+    assert browser.execute_script("return page.content.verdict.text") in paper
+    size = browser.execute_script("return page.tables.get('observations').size")
+    rows = browser.execute_script("return document.querySelectorAll('#paper .two tbody tr').length")
+    assert rows == min(size, 400)
+    assert browser.execute_script("return document.querySelectorAll('#paper .drawing path').length") > 3
+    pdf = browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"]
+    pages = base64.b64decode(pdf).count(b"/Type /Page\n")
+    assert 2 <= pages <= (4 if report.stem == "demo" else 9)
     browser.execute_script("window.dispatchEvent(new Event('afterprint'))")
-    assert browser.execute_script(shown)[0] < max(size, 80)
+    assert browser.execute_script("return document.getElementById('paper').children.length") == 0
 
 
 @pytest.mark.slow
@@ -332,7 +390,7 @@ def test_ten_thousand_points(pages, browser, violations) -> None:
         test_filters_keep_what_they_say,
         test_rows_sort_by_any_column,
         test_real_clicks_and_wheels_move_and_pick,
-        test_a_row_shows_its_sight_and_a_point_its_rows,
+        test_one_selection_goes_through_the_page,
         test_types_are_switched_on_the_plan,
         test_nothing_is_logged_and_nothing_is_asked_of_a_network,
     ):
@@ -347,13 +405,14 @@ def test_what_nothing_determines_is_drawn_and_switched(tmp_path, browser) -> Non
     colours = (
         "const seen = new Set(); const { context } = page.plan; const stroke = context.stroke.bind(context);"
         "context.stroke = (path) => { seen.add(context.strokeStyle); return stroke(path); };"
-        "page.plan.draw(); context.stroke = stroke; return TYPE_COLOURS.map((colour) => seen.has(colour))"
+        "page.plan.paint(new CanvasSheet(context, page.plan.width, page.plan.height));"
+        "context.stroke = stroke; return TYPE_COLOURS.map((colour) => seen.has(colour))"
     )
     names = browser.execute_script("return page.plan.motions.names")
     assert any("rotation about z" in name for name in names)
     turn = next(k for k, name in enumerate(names) if "rotation about z" in name)
     assert browser.execute_script(colours)[: len(names)] == [k == turn for k in range(len(names))]
-    box = f"#layers fieldset:nth-child(3) label:nth-of-type({turn + 1}) input"
+    box = f"#planbar .menu:nth-of-type(2) label:nth-of-type({turn + 1}) input"
     click(browser, box)
     assert not any(browser.execute_script(colours))
     assert browser.get_log("browser") == []

@@ -13,7 +13,7 @@ from obseq.formats.conversion import write_gama
 from obseq.survey import Network
 
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
-SPEC = importlib.util.spec_from_file_location("field_books", TOOLS.parent / "field_books.py")
+SPEC = importlib.util.spec_from_file_location("field_books", TOOLS / "field_books.py")
 assert SPEC is not None and SPEC.loader is not None
 simulated = importlib.util.module_from_spec(SPEC)
 sys.modules["field_books"] = simulated

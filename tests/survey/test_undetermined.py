@@ -78,7 +78,7 @@ def test_a_point_that_nothing_holds_along_one_direction_is_drawn_with_it(tmp_pat
     assert direction == pytest.approx(lost.directions[0], abs=1e-3)
 
 
-def test_a_height_that_only_the_curvature_of_the_earth_gives_is_called_doubtful():
+def test_a_height_that_only_the_curvature_of_the_earth_gives_is_empty():
     points = {
         "name": ["A", "B", "P"],
         "x": [652345.0, 652445.0, 652395.0],
@@ -92,9 +92,12 @@ def test_a_height_that_only_the_curvature_of_the_earth_gives_is_called_doubtful(
     }
     table |= {"value": [74.66, 74.67, 0.0, 316.6], "sigma": [0.005, 0.005, 0.003, 0.01]}
     adjusted = network_from_tables(points, table, points_crs="EPSG:2154", angles="gon").adjust()
-    (said,) = [text for text in adjusted.warnings if "standard deviation" in text]
-    assert said.startswith("point P: its z has a standard deviation of ")
+    assert np.isnan(adjusted.points.coordinates[2]).tolist() == [False, False, True]
+    assert any(
+        note.startswith("1 point has no height, which nothing observes: P.") for note in adjusted.notes
+    )
     for column, more in {"type": "DH", "from": "A", "to": "P", "value": 0.8, "sigma": 0.005}.items():
         table[column] = [*table[column], more]
     adjusted = network_from_tables(points, table, points_crs="EPSG:2154", angles="gon").adjust()
-    assert not any("standard deviation" in text for text in adjusted.warnings)
+    assert np.isfinite(adjusted.points.precisions[2]).all()
+    assert not any("no height" in note for note in adjusted.notes)

@@ -30,7 +30,7 @@ def test_names_come_back_and_are_no_formulas(tmp_path: Path) -> None:
         (HEAD + "i,A,1,2,1,0,1\ni,B,1,2,1,2,1\n", r"m.csv:3: point B: sxx, sxy and syy are no variances"),
         (HEAD + "i,A,1,2,0,0,1\n", r"m.csv:2: point A: sxx, sxy and syy are no variances"),
         (HEAD + "i,A,1,inf,1,0,1\n", r"m.csv:2: y is 'inf', which is no finite number"),
-        (HEAD + "i,A,1,2\n", r"m.csv:2: 4 fields for 7 columns"),
+        (HEAD + "i,A,1,2\n", r"m.csv:2: 4 cells for 7 columns"),
         ("image,point,x,y\n", r"m.csv: column 'sxx' is missing"),
     ],
 )

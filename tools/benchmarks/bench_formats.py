@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from command import command_line
+from field_books import FORMATS as BOOKS
 from format_files import CRS, FORMATS
 
 from obseq.errors import InputError
@@ -39,7 +40,8 @@ def read(paths: list[Path]) -> Network:
     """A network, from its files."""
     if paths[0].suffix == ".obs":
         return Network.read(paths[0], paths[1], points_crs=CRS)
-    sigmas = SIGMAS if paths[0].suffix == ".dat" or b"<LandXML" in paths[0].read_bytes()[:100] else []
+    asked = paths[0].suffix == ".dat" or paths[0].name in BOOKS or b"<LandXML" in paths[0].read_bytes()[:100]
+    sigmas = SIGMAS if asked else []
     network = Network.read_project(paths, sigmas=sigmas)
     return replace(
         network, frame=replace(network.frame, refraction_coefficient=float(network.frame.is_plane))
@@ -71,6 +73,8 @@ def main() -> int:
             times = [seconds(lambda given=given: read(given)) for given in paths]
             networks = [read(given) for given in paths]
             worst = max(worst, told(f"read {name}", len(networks[-1].book.observations), times))
+            lines = sum(path.read_bytes().count(b"\n") for path in paths[-1])
+            print(f"{'':22} {times[-1] / lines * 1e6:7.1f} microseconds a line of {lines}", flush=True)
             for suffix, write in NETWORK_WRITERS.items():
                 if not holds(write, networks[0]):
                     continue

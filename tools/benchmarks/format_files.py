@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import field_books
 import numpy as np
 
 from obseq.formats.conversion import write_dynaml
@@ -244,6 +245,17 @@ def _sinex(values: np.ndarray, matrix: np.ndarray) -> Iterator[str]:
     yield "%ENDSNX"
 
 
+def field_book(name: str) -> Callable[[Path, int], list[Path]]:
+    """What writes field books: a simulated job again and again."""
+
+    def write(folder: Path, n: int) -> list[Path]:
+        setups = field_books.job()
+        again = setups * (n // sum(3 * len(setup.shots) for setup in setups))
+        return [written(folder / name, field_books.FORMATS[name](again))]
+
+    return write
+
+
 FORMATS: dict[str, Callable[[Path, int], list[Path]]] = {
     "OBS, COR": obs,
     "Comp3D": comp3d,
@@ -254,5 +266,6 @@ FORMATS: dict[str, Callable[[Path, int], list[Path]]] = {
     "STAR*NET": starnet,
     "LandXML": landxml,
     "tables": tables,
+    **{name: field_book(name) for name in field_books.FORMATS},
 }
 """What writes the files of each format."""

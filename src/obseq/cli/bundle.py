@@ -59,6 +59,7 @@ FILES = {
     "poses": ("poses.csv", "adjusted images, in the form of --images"),
     "interior": ("cameras.csv", "adjusted cameras, in the form of --cameras"),
     "points": ("points.csv", "adjusted points with their sigmas"),
+    "checks": ("checks.csv", "check points: adjusted minus given, with sigmas"),
     "text": ("bundle.txt", "what is printed"),
     "html": ("bundle.html", "a page with drawings: views, residuals, calibrations"),
 }
@@ -107,6 +108,9 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
         help="camera parameters that keep their values: 'K3|p.', or '.*' for all",
     )
     computation.add_argument(
+        "--free", metavar="PATTERN", help="camera parameters that are unknown, whatever the files say"
+    )
+    computation.add_argument(
         "--datum",
         choices=DATUMS,
         help="what fixes position, orientation and scale (without control points: centres or points)",
@@ -125,14 +129,19 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("loading") as progress:
         from obseq.images.causes.diagnosing import diagnosed
         from obseq.images.causes.refusals import explained
+        from obseq.images.output.overview import overview
         from obseq.images.output.record import record_of
         from obseq.images.output.summary import summary
 
         progress("reading")
         block, datum = read_block(arguments)
         given, options = block.poses, _options(datum, arguments)
+        if not block.check_points and not arguments.checks:
+            outputs.pop("checks", None)
         with noting(block.notes):
             _check_formats(arguments, block)
+            read = overview(block)
+            progress.tell(read)
             with explained(block, progress, **options):
                 solution = _solve(block, options, progress)
         boundary = Boundary()
@@ -144,7 +153,7 @@ def run(arguments: argparse.Namespace) -> int:
         files = boundary.texts(_writers(arguments, outputs, solution, record))
         record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
-        write_all(files | ({} if text is None else {text: shown}))
+        write_all(files | ({} if text is None else {text: shown + read}))
     say(shown, outputs.values())
     return 0 if record.is_complete else INCOMPLETE
 
@@ -164,6 +173,7 @@ def _writers(
     """What writes each of the files that are asked for, but the summary."""
     from obseq.images.output.clouds import camera_table, ply, point_table, pose_table
     from obseq.images.output.page import page
+    from obseq.images.output.references_told import check_table
 
     writers = {
         "json": record.to_json,
@@ -171,6 +181,7 @@ def _writers(
         "poses": lambda: pose_table(solution),
         "interior": lambda: camera_table(solution),
         "points": lambda: point_table(solution),
+        "checks": lambda: check_table(record),
         "html": lambda: page(record),
     }
     asked = {path: writers[option] for option, path in outputs.items() if option in writers}
@@ -186,11 +197,11 @@ def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> No
     """Refuses, before the work, a block that a format of another program cannot hold."""
     from obseq.formats.bal.reader import RADIAL
     from obseq.formats.camera_terms import check_cameras
-    from obseq.formats.colmap.reader import TERMS
+    from obseq.formats.colmap.reader import check_block
     from obseq.formats.opk.reader import check_names
 
     if arguments.colmap_out:
-        check_cameras(block, "COLMAP", TERMS)
+        check_block(block)
     if arguments.bal_out:
         check_cameras(block, "BAL", RADIAL)
     if arguments.opk_out:

@@ -6,32 +6,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from obseq.cli.bundle_ground import add_ground, carried_by, put_ground
 from obseq.cli.parsing import positive_integer
 from obseq.errors import InputError, noting
+from obseq.formats.blocks.catalogue import BLOCKS, Sigmas
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable
 
+    from obseq.formats.blocks.catalogue import BlockFormat
     from obseq.images import BundleAdjustment, Poses, Weighting
-
-OTHERS = {
-    "bal": ("FILE", "a problem of Bundle Adjustment in the Large"),
-    "bundler": ("FILE", "a bundle.out of Bundler"),
-    "colmap": ("DIR", "a sparse model of COLMAP, text or binary"),
-    "metashape": ("FILE", "cameras and markers of Metashape (XML), or a project (.psx, .psz)"),
-    "dbat": ("FILE", "a script of DBAT (XML)"),
-    "photomodeler": ("FILE", "a text export of PhotoModeler"),
-    "aicon": ("DIR", "files of AICON 3D Studio (needs --image-sigma)"),
-    "micmac": ("DIR", "a folder of orientations of MicMac v1, with --micmac-measures and --micmac-points"),
-}
-"""Blocks of other programs: option, what it takes, what it is."""
-
-WITHOUT_SIGMAS = ("bal", "bundler", "colmap")
-"""Programs whose files do not say how good the measures are: one pixel unless the user says it."""
-
-WITH_SIGMAS = ("dbat",)
-"""Programs whose files say it for every measure (PhotoModeler's, for most)."""
 
 OPK_UNITS = ("degree", "gon", "radian")
 
@@ -46,19 +30,26 @@ def add_sources(command: argparse.ArgumentParser) -> None:
     files.add_argument("--opk", type=Path, metavar="FILE", help="poses as text, instead of --images")
     files.add_argument("--opk-columns", default="NXYZOPK", metavar="LETTERS", help="of --opk (NXYZOPK)")
     files.add_argument("--opk-unit", choices=OPK_UNITS, default=OPK_UNITS[0], help="of its angles (degree)")
-    files.add_argument("--measures", nargs="+", type=Path, metavar="FILE", help="tables of image measures")
+    files.add_argument(
+        "--measures",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="tables of image measures; of a block of another program, marks of further points",
+    )
     files.add_argument(
         "--control", nargs="+", type=Path, default=[], metavar="FILE", help="tables of control points"
     )
     others = command.add_argument_group("a block of another program")
-    for name, (kind, purpose) in OTHERS.items():
-        others.add_argument(f"--{name}", type=Path, metavar=kind, help=purpose)
+    for form in BLOCKS:
+        others.add_argument(f"--{form.option}", type=Path, metavar=form.takes, help=form.holds)
     others.add_argument("--chunk", metavar="LABEL", help="which one of --metashape")
     others.add_argument(
         "--size", nargs=2, type=positive_integer, metavar=("W", "H"), help="of --photomodeler"
     )
     others.add_argument("--micmac-measures", type=Path, metavar="FILE", help="points measured in images")
     others.add_argument("--micmac-points", type=Path, metavar="FILE", help="their coordinates")
+    add_ground(command)
     more = command.add_argument_group("other observations")
     more.add_argument("--lengths", nargs="+", type=Path, default=[], metavar="FILE", help="tables of lengths")
     more.add_argument(
@@ -71,8 +62,15 @@ def add_sources(command: argparse.ArgumentParser) -> None:
 
 def inputs(arguments: argparse.Namespace) -> list[Path]:
     """The files that no output may replace."""
-    single = ("cameras", "images", "opk", "micmac_measures", "micmac_points", *OTHERS)
-    several = ("measures", "control", "lengths", "positions", "obs", "cor")
+    single = (
+        "cameras",
+        "images",
+        "opk",
+        "micmac_measures",
+        "micmac_points",
+        *(form.option for form in BLOCKS),
+    )
+    several = ("measures", "control", "check_points", "lengths", "positions", "obs", "cor")
     found = [path for name in single if (path := getattr(arguments, name))]
     found += [file for folder in found if folder.is_dir() for file in folder.iterdir()]
     return found + [p for name in several for p in getattr(arguments, name) or ()]
@@ -80,72 +78,62 @@ def inputs(arguments: argparse.Namespace) -> list[Path]:
 
 def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | tuple[str, ...]]:
     """The block that the options name, and its datum: the one asked for, or that of the file."""
-    given = {name: getattr(arguments, name) for name in OTHERS if getattr(arguments, name)}
-    tables = any((arguments.cameras, arguments.images, arguments.measures, arguments.opk))
+    given = [(form, path) for form in BLOCKS if (path := getattr(arguments, form.option))]
+    tables = any((arguments.cameras, arguments.images, arguments.opk, arguments.measures and not given))
     if len(given) + tables != 1:
-        listed = ", ".join(f"--{name}" for name in OTHERS)
+        listed = ", ".join(f"--{form.option}" for form in BLOCKS)
         raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {listed}")
     datum: str | tuple[str, ...] = arguments.datum or DATUMS[0]
     if given:
-        from obseq.formats.blocks.placing import bring_to_control
-
-        (kind, path), *_ = given.items()
-        block = _read_other(arguments, kind, path)
+        form, path = given[0]
+        block = _read_other(arguments, form, path)
         with noting(block.notes):
-            _weigh(block, kind, arguments)
-            _add_control(block, arguments)
-            if arguments.control:
-                bring_to_control(block)
+            _weigh(block, form.sigmas, arguments)
+            _add_marks(block, arguments)
         if block.datum_points and not (arguments.datum or arguments.control):
             datum = block.datum_points
     else:
         block = _read_tables(arguments)
     with noting(block.notes):
+        if arguments.datum not in (None, DATUMS[0]) and block.antennas:
+            block.antennas.clear()
+            block.notes.append(f"positions of the files take no part (--datum {arguments.datum})")
+        put_ground(block, arguments)
         _add_observations(block, arguments)
+        if given or arguments.control_crs or arguments.positions_crs:
+            _bring(block, arguments)
+        if not given and arguments.opk:
+            _check_convention(block, arguments)
         if arguments.freeze:
             block.freeze_parameters(arguments.freeze)
+        if arguments.free:
+            block.free_parameters(arguments.free)
     return block, datum
 
 
-def _read_other(arguments: argparse.Namespace, kind: str, path: Path) -> BundleAdjustment:
+def _bring(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    """Moves a block to what the options say of the world; a block that says it itself stays where it is."""
+    from obseq.formats.blocks.placing import bring_to_control
+
+    if arguments.control or arguments.positions or block.antennas:
+        bring_to_control(block)
+
+
+def _add_marks(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
+    """Adds marks of further points to a block of another program."""
+    from obseq.formats.blocks.tables import add_measures
+
+    for path in arguments.measures or ():
+        add_measures(block, path, arguments.image_sigma, _weighting(arguments))
+
+
+def _read_other(arguments: argparse.Namespace, form: BlockFormat, path: Path) -> BundleAdjustment:
     """The block of another program."""
-    if kind == "aicon":
-        from obseq.formats.aicon.reader import read_aicon
-
-        if arguments.image_sigma is None:
-            raise InputError("--aicon needs --image-sigma: its files do not say how good the measures are")
-        return read_aicon(path, arguments.image_sigma)[0]
-    return _readers(arguments)[kind](path)
-
-
-def _readers(arguments: argparse.Namespace) -> dict[str, Callable[[Path], BundleAdjustment]]:
-    from obseq.formats.bal.reader import read_bal
-    from obseq.formats.bundler.reader import read_bundler
-    from obseq.formats.colmap.reader import read_colmap
-    from obseq.formats.dbat.reader import read_dbat
-    from obseq.formats.metashape.reader import read_metashape
-    from obseq.formats.photomodeler.reader import read_photomodeler
-    from obseq.project import read_v1_block
-
-    sigmas = arguments.image_sigma, arguments.control_sigma
-    size = tuple(arguments.size) if arguments.size else None
-    points = arguments.micmac_measures, arguments.micmac_points
-    return {
-        "bal": read_bal,
-        "bundler": read_bundler,
-        "colmap": read_colmap,
-        "dbat": read_dbat,
-        "metashape": lambda path: read_metashape(path, arguments.chunk, *sigmas)[0],
-        "photomodeler": lambda path: read_photomodeler(path, size, arguments.image_sigma),
-        "micmac": lambda path: read_v1_block(path, *points, arguments.image_sigma or 1.0),
-    }
-
-
-def _add_control(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
-    from obseq.formats.blocks.tables import add_control
-
-    for path in arguments.control:
-        add_control(block, path, arguments.control_sigma)
+    if form.sigmas is Sigmas.ASKED and arguments.image_sigma is None:
+        raise InputError(
+            f"--{form.option} needs --image-sigma: its files do not say how good the measures are"
+        )
+    return form.read(path, vars(arguments))
 
 
 def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
@@ -159,15 +147,14 @@ def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
     block = BundleAdjustment()
     if not arguments.opk:
         sigmas = arguments.image_sigma, arguments.control_sigma
-        files = arguments.cameras, arguments.images, arguments.measures, arguments.control
-        BlockFiles(*files, *sigmas).fill(block, _weighting(arguments))
+        BlockFiles(arguments.cameras, arguments.images, arguments.measures, (), *sigmas).fill(
+            block, _weighting(arguments)
+        )
         return block
     add_cameras(block, arguments.cameras)
     _add_opk(block, arguments)
-    _add_control(block, arguments)
     for path in arguments.measures:
         add_measures(block, path, arguments.image_sigma, _weighting(arguments))
-    _check_convention(block, arguments)
     return block
 
 
@@ -223,22 +210,15 @@ def _weighting(arguments: argparse.Namespace) -> Weighting | None:
     return Weighting(arguments.image_sigma, arguments.attenuation, arguments.threshold)
 
 
-def _weigh(block: BundleAdjustment, kind: str, arguments: argparse.Namespace) -> None:
-    """Gives the measures of another program the weights that the options ask for.
-
-    Raises:
-        InputError: a sigma is given for files that say their own.
-    """
+def _weigh(block: BundleAdjustment, sigmas: Sigmas, arguments: argparse.Namespace) -> None:
+    """Gives the measures of another program the weights that the options ask for."""
     from obseq.images import Weighting
 
     weighting = _weighting(arguments)
-    if weighting is None and arguments.image_sigma is not None:
-        if kind in WITH_SIGMAS:
-            raise InputError(
-                f"--{kind}: its files have sigmas of the measures; leave out --image-sigma "
-                "(with --attenuation or --threshold it replaces them)"
-            )
-        weighting = Weighting(arguments.image_sigma) if kind in WITHOUT_SIGMAS else None
+    if weighting is None and arguments.image_sigma is not None and sigmas in (Sigmas.NONE, Sigmas.ALL):
+        weighting = Weighting(arguments.image_sigma)
+        if sigmas is Sigmas.ALL:
+            block.notes.append(f"the sigmas of the files are replaced by {arguments.image_sigma:g} px")
     if weighting is not None:
         block.weigh_measures(weighting)
 
@@ -249,7 +229,7 @@ def _add_observations(block: BundleAdjustment, arguments: argparse.Namespace) ->
     for path in arguments.lengths:
         add_lengths(block, path)
     for path in arguments.positions:
-        observe_positions(block, path)
+        observe_positions(block, path, carried_by(arguments))
     if bool(arguments.obs) != bool(arguments.cor):
         raise InputError("--obs and --cor go together: survey observations and the points they start from")
     if arguments.obs:

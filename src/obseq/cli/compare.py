@@ -33,7 +33,7 @@ exit code: 0 nothing has moved significantly; 1 something has, or an epoch is in
 is suspected in one (no verdict then): the last line says which; 2 could not run"""
 MOST = 8
 """Points that the last line names."""
-NAMES = ("comparison.json", "comparison.txt", "comparison.csv")
+NAMES = ("comparison.json", "comparison.txt", "comparison.csv", "comparison.html")
 
 
 def register(commands: Commands) -> None:
@@ -71,10 +71,16 @@ def run(arguments: argparse.Namespace) -> int:
     places = [arguments.out / name for name in NAMES] if arguments.out else []
     check_writable(places, [*first.files, *second.files])
     with Progress("starting") as progress:
+        from obseq.report.compared import comparison_page
         from obseq.report.comparison import comparison_csv, comparison_json, comparison_summary
 
         record, incomplete = _compared(arguments, first, second, progress)
-        texts = (comparison_json(record), comparison_summary(record, most=None), comparison_csv(record))
+        texts = (
+            comparison_json(record),
+            comparison_summary(record, most=None),
+            comparison_csv(record),
+            comparison_page(record),
+        )
         write_all(dict(zip(places, texts, strict=bool(places))))
     print(comparison_summary(record, [str(path) for path in places]), end="")
     reasons = list(_reasons(record, incomplete))

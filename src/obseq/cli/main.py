@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 
-from obseq.cli.gencode import generate as gencode
 from obseq.cli.guard import guarded
-from obseq.cli.mmvii import in_our_words
+from obseq.cli.mmvii import as_mmvii
 from obseq.cli.parsing import CommandParser, Parser
 from obseq.version import __version__
 
@@ -84,18 +83,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
 
     def work() -> int:
-        words = given
         if given[:1] == ["mmvii"] and given[1:] not in (["-h"], ["--help"]):
-            words = in_our_words(given[1:])
-            if not words:
-                return 0
-        if words is not given and words[0] == "gencode":
-            return gencode(words[1:])
-        chosen = parser(*words[:1]).parse_args(words)
-        code: int = chosen.run(chosen)
-        return code
+            return as_mmvii(given[1:], run)
+        return run(given)
 
     return guarded("obseq", work)
+
+
+def run(words: Sequence[str]) -> int:
+    """Run the command of some words."""
+    chosen = parser(*words[:1]).parse_args(words)
+    code: int = chosen.run(chosen)
+    return code
 
 
 if __name__ == "__main__":

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import difflib
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from obseq.cli.gencode import generate
 from obseq.cli.parsing import Commands, add_command
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.project.spelling import Spelling
 
@@ -37,6 +39,18 @@ def run(arguments: argparse.Namespace) -> int:
     """List the commands; words of one are put in ours before they are parsed."""
     print(listing(), end="")
     return 0
+
+
+def as_mmvii(words: Sequence[str], run_ours: Callable[[Sequence[str]], int]) -> int:
+    """Run what MMVII's users type by our command for it; its folders get their names of 2024 too."""
+    from obseq.project.layout import give_old_names
+
+    ours = in_our_words(words)
+    if not ours:
+        return 0
+    code = generate(ours[1:]) if ours[0] == "gencode" else run_ours(ours)
+    give_old_names(Path())
+    return code
 
 
 def in_our_words(words: Sequence[str]) -> list[str]:

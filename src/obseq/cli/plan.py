@@ -127,13 +127,13 @@ def _planned(arguments: argparse.Namespace, network: "Network", progress: Progre
 def _texts(record: "PlanRecord") -> tuple[str, str, str]:
     """The contents of plan.json, plan.txt and plan.html."""
     from obseq.report.listing import listing
-    from obseq.report.page import page
+    from obseq.report.planned import plan_page
     from obseq.report.planning import plan_json, plan_summary
 
     return (
         plan_json(record),
         plan_summary(record) + "\n" + listing(record.adjustment),
-        page(record.adjustment),
+        plan_page(record),
     )
 
 

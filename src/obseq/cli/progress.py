@@ -34,6 +34,11 @@ class Progress:
         """Say what is being done now."""
         self._message = message
 
+    def tell(self, text: str) -> None:
+        """Say what stays on the screen, beside results, which go to standard output."""
+        sys.stderr.write((ERASE if self._thread.is_alive() else "") + text)
+        sys.stderr.flush()
+
     def __enter__(self) -> Self:
         if sys.stderr.isatty():
             self._thread.start()

@@ -298,7 +298,16 @@ def _contents(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, 
 
 def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq import crs
-    from obseq.project.points import points_text, read_control_points, read_entries, read_system, system_text
+    from obseq.project.layout import MEASURES
+    from obseq.project.points import (
+        measure_copies,
+        points_text,
+        read_control_points,
+        read_entries,
+        read_system,
+        set_name,
+        system_text,
+    )
     from obseq.project.reports import converted
 
     folder = tree.points(arguments.points)
@@ -311,10 +320,11 @@ def _change_system(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[
     out, ending = tree.folder("ObjCoordWorld", arguments.out), ending_of(arguments)
     as_json = arguments.json_files
     files: Files = {
-        out / f"MesGCP-{arguments.out}{ending}": points_text(
+        out / f"{set_name(folder, arguments.out)}{ending}": points_text(
             control, arguments.out, read_entries(folder), as_json=as_json
         ),
         out / f"CurSysCo{ending}": system_text(system, as_json=as_json),
+        **measure_copies(tree.folder(MEASURES, arguments.points), tree.folder(MEASURES, arguments.out)),
     }
     if is_new:
         files[tree.folder("SysCo", f"RTL{ending}")] = system_text(system, as_json=as_json)

@@ -44,9 +44,18 @@ def check_camera(camera: Camera, form: str, terms: Collection[str], unknown: Col
         )
 
 
-def check_cameras(block: Block, form: str, terms: Collection[str]) -> None:
-    """Refuses, before its adjustment, a block whose cameras a format cannot hold (see `check_camera`)."""
+def check_cameras(block: Block, form: str, terms: Collection[str], known: Collection[str] = ()) -> None:
+    """Refuses, before its adjustment, a block whose cameras a format cannot hold (see `check_camera`).
+
+    Args:
+        block: to be written.
+        form: name of the format.
+        terms: of the distortion that it has.
+        known: cameras that came from it.
+    """
     for name in dict.fromkeys(block.camera_of.values()):
+        if name in known:
+            continue
         camera = block.cameras[name]
         unknown = [term for term in camera.coefficient_names if not block.is_frozen(name, term)]
         check_camera(camera, form, terms, unknown)

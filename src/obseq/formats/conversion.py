@@ -132,10 +132,12 @@ def as_dynaml(network: Network, frame: str | None = None, epoch: str = "") -> Dy
     _refuse_other_ground(network)
     _refuse_corrections(network, "DynAdjust", 0.0)
     points, placed = network.points, network.points.has_coordinates
-    planless = np.flatnonzero(points.is_invented.any(axis=1))
-    if planless.size:
+    invented = network.fieldwork.points.is_invented
+    lacking = np.flatnonzero(invented[:, :2].any(axis=1) | (invented[:, 2] & ~placed))
+    if lacking.size:
+        what = "plan" if invented[lacking[0], :2].any() else "height"
         raise InputError(
-            f"point {points.names[planless[0]]} has no plan, which DynaML cannot say; write .csv"
+            f"point {points.names[lacking[0]]} has no {what}, which DynaML cannot say; write .csv"
         )
     if not placed.all():
         points = replace(points, coordinates=network.initial_values().coordinates)
@@ -221,6 +223,12 @@ def _check_points(points: Points) -> None:
     exact = np.flatnonzero(points.is_held.any(axis=1))
     if exact.size:
         raise held_exactly(points.names[exact[0]])
+    partial = np.flatnonzero(points.is_invented.any(axis=1))
+    if partial.size:
+        raise InputError(
+            f"SINEX: nothing observes the height of point {points.names[partial[0]]}, and SINEX knows no "
+            "point without one; observe it, or leave the point out"
+        )
     outside = np.flatnonzero(~points.in_datum.all(axis=1))
     if outside.size and points.in_datum.any():
         raise InputError(
@@ -264,6 +272,7 @@ def known_points(network: Network) -> Points:
     _refuse_datum(points, "a COR file")
     if not points.has_coordinates.all():
         computed = network.initial_values().coordinates
+        computed = np.where(network.fieldwork.points.is_invented, np.nan, computed)
         given = points.coordinates
         points = replace(points, coordinates=np.where(np.isnan(given), computed, given))
     return _without_inventions(in_own_system(replace(network, points=points)))

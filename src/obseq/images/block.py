@@ -25,6 +25,7 @@ from obseq.images.parts import (
     Rule,
 )
 from obseq.images.poses import Poses
+from obseq.images.references import References
 from obseq.leastsquares.problem.arguments import finite
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class Block:
+class Block(References):
     """Cameras, images, points and measures, by name; nothing is computed here.
 
     What is added is checked at once: names, numbers, and that measures lie in their images. `notes` are what

@@ -14,7 +14,7 @@ from obseq.images.adjustment.placing import placed, waiting_images
 from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
-from obseq.images.adjustment.surveys import follower, join_surveys, with_surveys
+from obseq.images.adjustment.surveys import follower, join_surveys, places_in, with_surveys
 from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights
 from obseq.images.adjustment.weakness import in_words
 from obseq.leastsquares import LeastSquares
@@ -124,8 +124,7 @@ class BundleAdjustment(AdjustableBlock):
         system = LeastSquares(threads=threads)
         eliminate = eliminate and not keeps_points and strategy in WITH_ELIMINATION
         equations = Equations(self, start, system, eliminate)
-        shared = zip(start.points, map(int, equations.points), strict=True)
-        surveys = join_surveys(self.surveys, initial, system, shared)
+        surveys = join_surveys(self.surveys, initial, system, places_in(start, equations))
         limit = max_iterations or (ROBUST_ITERATIONS if self._is_robust else MAX_ITERATIONS)
         further = 0 if max_iterations else MOST - limit
         solving: Solving = {

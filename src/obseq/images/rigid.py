@@ -164,6 +164,7 @@ class RigidBlock:
             gauge), besides those of `place_sigmas`. None for one of them: it is held.
         pair_sigmas: (translation, rotation) of the pairs of cameras that are observed, where each has its
             own (MMVII's instrument blocks); None: every camera with the master, with the sigmas above.
+        is_exact: True where the sigmas stand for exactness; unknown places say nothing of scale then.
         as_matrices: True for MMVII's twelve equations of a pair, nine of them the entries of a matrix, which
             count three degrees of freedom nine times; six equations otherwise. The weight is the same.
     """
@@ -179,6 +180,12 @@ class RigidBlock:
     master_sigmas: Gauge | None = None
     pair_sigmas: Mapping[tuple[str, str], Sigmas] | None = None
     as_matrices: bool = False
+    is_exact: bool = False
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether it says how long the unit of the world is: places that are known do, and sigmas do."""
+        return self.is_fixed or bool(self.observed_places) or not self.is_exact
 
     def __post_init__(self) -> None:
         index_of(self.places.images, [self.master, *self.exposures.cameras], f"block {self.name}: camera")

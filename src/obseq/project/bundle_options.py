@@ -39,11 +39,15 @@ TOPO = ("NbIter", "GCP3D", "GCPDir", "GCPW", "GCPDirOut", "GCPFilter", "GCPFilte
 
 @dataclass(frozen=True)
 class Set3D:
-    """A folder of 3D points, the factor SG of their sigmas (0: held), and where they go when adjusted."""
+    """A folder of 3D points, the factor SG of their sigmas (0: held), and where they go when adjusted.
+
+    In the spelling of 2024 the measures in images of that folder go along.
+    """
 
     folder: str
     factor: float
     out: str | None = None
+    with_measures: bool = False
 
 
 @dataclass(frozen=True)
@@ -160,7 +164,8 @@ def _point_sets(given: dict[str, Value], *, has_images: bool) -> tuple[tuple[Set
     rows: list[list[Value]] = [[folder, *weights], *rows_of(given, "AddGCPW", 3, 6)]
     outs = [text_of(given, "GCPDirOut"), *([None] * (len(rows) - 1))]
     points = tuple(
-        Set3D(word_at(row, 0), number_at(row, 1, "GCPW"), out) for row, out in zip(rows, outs, strict=True)
+        Set3D(word_at(row, 0), number_at(row, 1, "GCPW"), out, with_measures=has_images)
+        for row, out in zip(rows, outs, strict=True)
     )
     if not has_images:
         return points, ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 from obseq.dataclass import dataclass
@@ -130,11 +131,26 @@ class ProjectTree:
         for kind in kinds:
             if (path := self.folder(kind, name)).is_dir():
                 return path
-        present = sorted(
-            path.name for kind in kinds for path in (self.root / TREE / kind).glob("*") if path.is_dir()
-        )
+        folders = [path for kind in kinds for path in (self.root / TREE / kind).glob("*/")]
+        present = sorted({path.name for path in folders})
         known = ", ".join(present) or "none"
         raise InputError(f"{self.folder(kinds[0], name)}: there is no such folder; there are {known}")
+
+
+def give_old_names(root: Path) -> None:
+    """Gives folders of points and of measures their name of 2024 too, where the tree has none of that name.
+
+    `PointsMeasure/NAME` is a link to `ObjCoordWorld/NAME` or `ObjMesInstr/NAME`: what is copied there, as the
+    training does, is found. A file system without links keeps the names of today alone.
+    """
+    tree = root / TREE
+    for kind in (POINTS, MEASURES):
+        for folder in sorted((tree / kind).glob("*/")):
+            old = tree / OLD / folder.name
+            if not old.exists():
+                with contextlib.suppress(OSError):
+                    old.parent.mkdir(exist_ok=True)
+                    old.symlink_to(Path("..", kind, folder.name), target_is_directory=True)
 
 
 def _measured(folder: Path) -> list[str]:

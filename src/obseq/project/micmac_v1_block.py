@@ -11,8 +11,8 @@ from obseq.errors import InputError
 from obseq.formats.blocks.reading import hold_all_but, new_block
 from obseq.images import ControlPoints, ImagePoints, Poses
 from obseq.project.micmac_v1 import read_v1_image
-from obseq.reading.elements import Element, child, content, problem, read_xml
 from obseq.reading.origin import Origin
+from obseq.reading.xml import Element, read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,7 +79,7 @@ def read_v1_points(path: str | Path) -> ControlPoints:
     """The points of a `DicoAppuisFlottant`; negative uncertainties leave them free, zeros hold them."""
     names, places, sigmas = [], [], []
     for one in _all(_root(path, POINTS), "OneAppuisDAF"):
-        names.append(content(one, "NamePt"))
+        names.append(one.content("NamePt"))
         places.append(_numbers(one, "Pt", 3))
         given = np.array(_numbers(one, "Incertitude", 3))
         sigmas.append(np.where(given < 0.0, np.inf, given))
@@ -94,8 +94,8 @@ def read_v1_measures(path: str | Path, sigma: float = 1.0) -> ImagePoints:
     images, points, xy = [], [], []
     for image in _all(_root(path, MEASURES), "MesureAppuiFlottant1Im"):
         for one in image.named("OneMesureAF1I"):
-            images.append(content(image, "NameIm"))
-            points.append(content(one, "NamePt"))
+            images.append(image.content("NameIm"))
+            points.append(one.content("NamePt"))
             xy.append(_numbers(one, "PtIm", 2))
     try:
         return ImagePoints.of(images, points, np.array(xy).reshape(-1, 2), sigma)
@@ -106,24 +106,24 @@ def read_v1_measures(path: str | Path, sigma: float = 1.0) -> ImagePoints:
 def _root(path: str | Path, tag: str) -> Element:
     """The element of a name: v1 wraps some files in `Global`."""
     root = read_xml(Path(path))
-    found = root if root.name == tag else child(root, tag)
+    found = root if root.name == tag else root.first(tag)
     if found is None:
-        raise problem(root, f"{tag} is expected")
+        raise root.problem(f"{tag} is expected")
     return found
 
 
 def _all(root: Element, tag: str) -> Iterator[Element]:
     found = list(root.named(tag))
     if not found:
-        raise problem(root, f"it holds no {tag}")
+        raise root.problem(f"it holds no {tag}")
     yield from found
 
 
 def _numbers(element: Element, tag: str, count: int) -> list[float]:
     try:
-        values = [float(word) for word in content(element, tag).split()]
+        values = [float(word) for word in element.content(tag).split()]
     except ValueError:
         values = []
     if len(values) != count or not np.isfinite(values).all():
-        raise problem(element, f"{tag} should be {count} finite numbers")
+        raise element.problem(f"{tag} should be {count} finite numbers")
     return values

@@ -80,10 +80,12 @@ def adjusted_control(adjustment: Adjustment) -> ControlPoints:
 def control_of(tree: ProjectTree, options: BundleOptions) -> tuple[ControlPoints, str]:
     """The 3D points of all sets of the options, with their sigmas scaled, and the system of the sets.
 
+    A point that is copied into several sets is one point.
+
     Raises:
-        InputError: a name is in two sets, or the sets are in different systems.
+        InputError: a name is in two sets with other coordinates, or the sets are in different systems.
     """
-    sets = [_chosen(tree, options, part) for part in options.points]
+    sets = _without_copies([_chosen(tree, options, part) for part in options.points])
     systems = [read_system(tree.points(part.folder)) for part in options.points]
     if len(set(systems)) > 1:
         folders = ", ".join(f"{p.folder}: {s}" for p, s in zip(options.points, systems, strict=True))
@@ -95,6 +97,18 @@ def control_of(tree: ProjectTree, options: BundleOptions) -> tuple[ControlPoints
         np.concatenate([np.zeros((0, 3, 3)), *(points.covariances for points in sets)]),
     )
     return whole, systems[0] if systems else NO_SYSTEM
+
+
+def _without_copies(sets: list[ControlPoints]) -> list[ControlPoints]:
+    """The sets without the points that an earlier one has with the same coordinates and covariances."""
+    kept: list[ControlPoints] = []
+    seen: dict[str, tuple[bytes, bytes]] = {}
+    for points in sets:
+        given = zip(points.coordinates, points.covariances, strict=True)
+        told = {name: (a.tobytes(), b.tobytes()) for name, (a, b) in zip(points.names, given, strict=True)}
+        kept.append(points.select([name for name in points.names if seen.get(name) != told[name]]))
+        seen |= told
+    return kept
 
 
 def _chosen(tree: ProjectTree, options: BundleOptions, part: Set3D) -> ControlPoints:

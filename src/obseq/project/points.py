@@ -75,6 +75,11 @@ def measures_text(image: str, measures: ImagePoints, *, as_json: bool = False) -
     return tree_text(MEASURES, {"NameIm": image, "Measures": entries}, as_json=as_json)
 
 
+def measure_copies(source: Path, target: Path) -> dict[Path, str | bytes]:
+    """The files of the measures in a folder, for another one; none where there is no such folder."""
+    return {target / path.name: path.read_bytes() for path in sorted(source.glob(f"{MEASURES_PREFIX}*"))}
+
+
 def read_control_points(
     folder: str | Path,
     *,
@@ -171,6 +176,12 @@ def _folder(folder: str | Path) -> Path:
     if not place.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     return place
+
+
+def set_name(folder: Path, otherwise: str) -> str:
+    """The name of the file of points in a folder, where it has one file."""
+    files = _files(folder, POINTS_PREFIX)
+    return files[0].stem if len(files) == 1 else f"{POINTS_PREFIX}-{otherwise}"
 
 
 def _files(folder: Path, prefix: str) -> list[Path]:

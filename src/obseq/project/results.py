@@ -13,8 +13,9 @@ from obseq.project.assembly import block_files, instrument_file
 from obseq.project.cameras import orientation_files
 from obseq.project.instrument_blocks import read_instrument_block
 from obseq.project.instrument_results import adjusted_text
+from obseq.project.layout import MEASURES
 from obseq.project.networks import adjusted_sets, control_of
-from obseq.project.points import NO_SYSTEM, read_system, system_text
+from obseq.project.points import NO_SYSTEM, measure_copies, read_system, system_text
 from obseq.project.rigid_blocks import block_text, read_block
 from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
 from obseq.survey import automatic_fix
@@ -70,6 +71,10 @@ class Results:
         if any(part.out for part in self.options.points):
             found = adjusted_points(solution)
             files |= adjusted_sets(self.tree, self.options, found, definition, as_json=self.as_json)
+        for part in self.options.points:
+            if part.out and part.with_measures:
+                target = self.tree.folder(MEASURES, part.out)
+                files |= measure_copies(self.tree.measures(part.folder), target)
         return files | self._rigid(solution) | self._instrument(solution) | self._topo(solution)
 
     def _definition(self) -> str:

@@ -51,6 +51,9 @@ def _until_converged(name: str, given: Value) -> list[str]:
 
 ITERATIONS = Option("NbIter", "no limit here: iterations end when they have converged", _until_converged)
 IMAGES = "IMAGES"
+LISTS = "--lists=SetFiltered_GCP"
+"""Beginning of the names of the lists that the original writes where nothing is said; a later one counts."""
+
 SPELLINGS = (
     Spelling(
         "ImportGCP",
@@ -135,8 +138,8 @@ SPELLINGS = (
         "check-gcp-distribution",
         "tells which images have points enough, and well spread",
         (
-            Form((IMAGES, "POINTS"), in_order(0, 1, 1)),
-            Form((IMAGES, "POINTS", "MEASURES"), in_order(0, 1, 2)),
+            Form((IMAGES, "POINTS"), lambda given: [given[0], given[1], given[1], LISTS]),
+            Form((IMAGES, "POINTS", "MEASURES"), lambda given: [*given, LISTS]),
         ),
         (Option("PrefSave", "of the lists that are written (SetFiltered_GCP)", value("--lists")),),
         'OriPoseEstimCheckGCPDist ".*JPG" TargetsC',

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import logging
 import math
 import re
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,16 +16,21 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.reading.origin import Origin
-from obseq.reading.text import read_bytes
+from obseq.reading.text import quoted, read_bytes
 from obseq.spreadsheets import csv_text, text_in
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from obseq.arrays import FloatArray
 
-DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
-SEPARATORS = ";\t,"
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+"""A number as many countries write it, where commas do not separate cells."""
+SEPARATORS = ",;\t"
+REMARK = "#"
+_TOLD = re.compile(r"sep=(.)", re.IGNORECASE)
+"""First line of spreadsheets that says what separates cells."""
+LOGGER = logging.getLogger(__name__)
 
 
 def text_of(path: str | Path) -> str:
@@ -56,6 +63,101 @@ def number_in(text: str, said: str) -> float:
     return value
 
 
+class Rows:
+    """Rows of cells under a line of names, as files of text have them.
+
+    Cells are separated by what the first line says (`sep=;`), or by what it has most of: commas, semicolons,
+    tabs; by blanks where it has none. Empty rows are left out, as are empty cells beyond the last column.
+
+    Attributes:
+        head: Line (from 0) of the names.
+        separator: Of cells; empty for blanks.
+        names: Of the columns, in small letters.
+        remarks: Lines (from 0) that begin with #, where these are remarks.
+    """
+
+    def __init__(
+        self, lines: Sequence[str], error: Callable[[int, str], InputError], *, has_remarks: bool = False
+    ) -> None:
+        """Reads the names.
+
+        Args:
+            lines: Of the file; one holds something.
+            error: What is raised about a line (from 0), with its problem.
+            has_remarks: Whether lines that begin with # are remarks.
+
+        Raises:
+            InputError: Two columns have the same name, or nothing is in the file.
+        """
+        self._lines, self._error, self._has_remarks = lines, error, has_remarks
+        self.remarks = [k for k, line in enumerate(lines) if has_remarks and line.lstrip().startswith(REMARK)]
+        hidden = set(self.remarks)
+        held = (k for k, line in enumerate(lines) if line.strip() and k not in hidden)
+        self.head = next(held, -1)
+        if self.head < 0:
+            raise error(0, "the file has no line of column names")
+        told = _TOLD.fullmatch(lines[self.head].strip())
+        if told:
+            self.head = next(held, self.head)
+        line = lines[self.head]
+        most = max(SEPARATORS, key=line.count)
+        self.separator = told[1] if told else most if line.count(most) else ""
+        names = [name.lower() for name in self._split(self.head)]
+        self._width = len(names)
+        while names and not names[-1]:  # as spreadsheets write columns that were emptied
+            names.pop()
+        self.names = tuple(names)
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise error(self.head, f"two columns have the name {quoted(twice)} (capitals make no difference)")
+
+    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
+        """Line (from 0) and cells of each row, as many as there are columns.
+
+        Raises:
+            InputError: There are more or fewer.
+        """
+        blank, hidden, count = f"{self.separator} \t", set(self.remarks), len(self.names)
+        for index in range(self.head + 1, len(self._lines)):
+            if index in hidden or not self._lines[index].strip(blank):
+                continue
+            cells = self._split(index)
+            if len(cells) != count and not self._is_padded(cells):
+                raise self._error(index, self._miscounted(cells))
+            yield index, cells[:count]
+
+    def rows_in_remarks(self) -> list[int]:
+        """Lines (from 0) that begin with # and have as many cells as a row."""
+        below = (k for k in self.remarks if k > self.head and self.separator in self._lines[k])
+        return [k for k in below if len(self._split(k)) == len(self.names)]
+
+    def _split(self, index: int) -> list[str]:
+        line = self._lines[index]
+        if not self.separator or (self._has_remarks and self.separator not in line and len(line.split()) > 1):
+            return line.split()
+        try:
+            cells = next(csv.reader([line], delimiter=self.separator, skipinitialspace=self._has_remarks))
+        except csv.Error as error:
+            raise self._error(index, f"this is no row of a table: {error}") from error
+        return [text_in(cell.strip()) for cell in cells]
+
+    def _is_padded(self, cells: list[str]) -> bool:
+        """Whether all that a row has too much are empty cells at its end, as spreadsheets write them."""
+        is_surplus_empty = len(cells) > len(self.names) and not any(cells[len(self.names) :])
+        return is_surplus_empty and (len(cells) == self._width or not self._has_decimal_commas(cells))
+
+    def _has_decimal_commas(self, cells: list[str]) -> bool:
+        """Whether a comma between cells may be one within a number."""
+        parts = pairwise(cell.lstrip("+-") for cell in cells)
+        return self.separator == "," and any(a.isdigit() and b.isdigit() for a, b in parts)
+
+    def _miscounted(self, cells: list[str]) -> str:
+        """What is said of a row of too few or too many cells."""
+        is_likely = len(cells) > len(self.names) and self._has_decimal_commas(cells)
+        hint = "; the comma separates cells: write decimals with a point" if is_likely else ""
+        return f"{len(cells)} cells for {len(self.names)} columns{hint}"
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows of text fields under column names.
@@ -74,30 +176,26 @@ class Table:
 
     @classmethod
     def read(cls, path: str | Path) -> Table:
-        """Reads a file; empty lines, and lines that begin with #, are left out.
+        """Reads a file; empty lines and remarks (#) are left out, remarks that look like rows told.
 
         Raises:
-            InputError: a row has more or fewer fields than there are columns, or a column comes twice.
+            InputError: a row has more or fewer cells than there are columns, or a column comes twice.
         """
-        kept = [
-            (number, line)
-            for number, line in enumerate(text_of(path).splitlines(), 1)
-            if line.strip() and not line.lstrip().startswith("#")
-        ]
-        if not kept:
-            raise InputError(f"{path}: the file has no line of column names")
-        separator = _separator(kept[0][1])
-        numbered = [(number, _fields(line, separator)) for number, line in kept]
-        columns = tuple(field.lower() for field in numbered[0][1])
-        if len(set(columns)) < len(columns):
-            raise InputError(f"{path}:{numbered[0][0]}: a column name comes twice: {', '.join(columns)}")
-        for number, fields in numbered[1:]:
-            if len(fields) != len(columns):
-                raise InputError(
-                    f"{path}:{number}: {len(fields)} fields for {len(columns)} columns ({', '.join(columns)})"
-                )
-        body = numbered[1:]
-        return cls(str(path), columns, tuple(row for _, row in body), tuple(number for number, _ in body))
+
+        def error(index: int, problem: str) -> InputError:
+            return InputError(f"{path}:{index + 1}: {problem}")
+
+        rows = Rows(text_of(path).splitlines() or [""], error, has_remarks=True)
+        body = list(rows)
+        if lost := rows.rows_in_remarks():
+            LOGGER.warning(
+                "%s: %d rows that begin with # are left out as remarks: line %d is the first",
+                path,
+                len(lost),
+                lost[0] + 1,
+            )
+        lines = tuple(index + 1 for index, _ in body)
+        return cls(str(path), rows.names, tuple(tuple(cells) for _, cells in body), lines)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -169,20 +267,6 @@ class Table:
     def place(self, row: int) -> str:
         """`file:line` of a row."""
         return self.origin.place(row)
-
-
-def _separator(line: str) -> str:
-    """What separates the fields of a line, the most frequent first; nothing for blanks."""
-    return max(SEPARATORS, key=line.count) if any(character in line for character in SEPARATORS) else ""
-
-
-def _fields(line: str, usual: str) -> tuple[str, ...]:
-    """The fields of a line; what separates the column names does so here, where it is found."""
-    separator = usual if usual and usual in line else _separator(line)
-    if not separator:
-        return tuple(line.split())
-    row = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    return tuple(text_in(field.strip()) for field in row)
 
 
 def table_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

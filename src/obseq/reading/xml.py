@@ -43,6 +43,15 @@ class Element:
         """An error about this element."""
         return self.file.error(self.line - 1, problem)
 
+    def problem(self, words: str) -> InputError:
+        """An error about this element, which it names."""
+        return self.error(f"<{self.name}>: {words}")
+
+    @property
+    def plain(self) -> str:
+        """What stands directly in it, without white space around it."""
+        return self.text.strip()
+
     def named(self, *names: str) -> Iterator[Element]:
         """Its children of some names."""
         return (child for child in self.children if child.name in names)
@@ -61,9 +70,9 @@ class Element:
             InputError: Nothing does, and there is no default.
         """
         found = self.first(name)
-        text = found.text.strip() if found is not None else ""
+        text = found.plain if found is not None else ""
         if not text and default is None:
-            raise self.error(f"<{self.name}>: {name} is missing")
+            raise self.problem(f"{name} is missing")
         return text or default or ""
 
     def numeric(self, name: str, default: float | None = None) -> float:
@@ -73,7 +82,9 @@ class Element:
             InputError: It is none, or nothing is there and there is no default.
         """
         text = self.content(name, None if default is None else "")
-        return self.parsed(text, name) if text or default is None else default
+        if not text and default is not None:
+            return default
+        return (self.first(name) or self).parsed(text, name)
 
     def get(self, name: str) -> str | None:
         """An attribute with its white space collapsed; None when there is none, or it is empty."""

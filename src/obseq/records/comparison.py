@@ -42,7 +42,11 @@ class DisplacementRecord(Record, frozen=True):
         ellipse: of the displacement in plan, at the level of the comparison.
         test: None for a point that is held in both epochs.
         is_reference: whether it belongs to the points that are taken to have stayed.
-        is_significant: whether it has moved; False too where the comparison has obstacles.
+        is_significant: whether it has moved, all points judged together; False too where the comparison has
+            obstacles.
+        is_marginal: whether only its own test says so, as some do by chance.
+        overall: probability of a test as large at any of the points, where none has moved (Holm); None for
+            points that are not tested one by one.
     """
 
     point: str
@@ -60,6 +64,8 @@ class DisplacementRecord(Record, frozen=True):
     test: TestRecord | None
     is_reference: bool
     is_significant: bool
+    is_marginal: bool = False
+    overall: float | None = None
 
 
 class ComparisonRecord(Record, frozen=True, omit_defaults=False):

@@ -73,8 +73,12 @@ def all_small(values: Sequence[float | None]) -> list[float | None]:
 
 
 def column(title: str, quantity: str, values: Iterable[object], **more: object) -> Column:
-    """A column of a table."""
-    return {"title": title, "quantity": quantity, "values": list(values), **more}
+    """A column of a table; its key is its title unless another is given.
+
+    `rare` ones are shown on request, `paper` is False for those that are not printed, `bar` draws the values
+    of `w` or `redundancy` beside them.
+    """
+    return {"key": title, "title": title, "quantity": quantity, "values": list(values), **more}
 
 
 def choice(title: str, texts: Sequence[str], **more: object) -> Column:
@@ -84,10 +88,16 @@ def choice(title: str, texts: Sequence[str], **more: object) -> Column:
     return column(title, "choice", values, choices=[printable_line(text) for text in found], **more)
 
 
-def table(name: str, short: str, title: str, columns: Sequence[Column], **more: object) -> Table:
-    """A table; columns without any value are left out."""
+def table(name: str, title: str, columns: Sequence[Column], **more: object) -> Table:
+    """A table; columns without any value are left out, and so is an order by one of them.
+
+    `rows` says what its rows are for the selection: "observation" or "point"; `order` is the key of the
+    column whose largest values come first.
+    """
     kept = [item for item in columns if any(value is not None for value in item["values"])]
-    return {"id": name, "short": short, "title": printable_line(title), "columns": kept, **more}
+    if more.get("order") not in {item["key"] for item in kept}:
+        more.pop("order", None)
+    return {"id": name, "title": printable_line(title), "columns": kept, **more}
 
 
 def field(title: str, quantity: str, rows: Iterable[object], name: str, **more: object) -> Column:

@@ -47,19 +47,21 @@ def comparison_json(record: ComparisonRecord) -> str:
 
 def comparison_csv(record: ComparisonRecord) -> str:
     """The displacements as a table, metres, one point per line; no verdict where there are obstacles."""
-    header = "point,x,y,z,east,north,up,s_east,s_north,s_up,statistic,limit,p_value,significant,reference"
+    header = (
+        "point,x,y,z,east,north,up,s_east,s_north,s_up,statistic,limit,p_value,p_all,significant,reference"
+    )
     rows = [header.split(",")]
     for row in record.displacements:
         numbers = (row.x, row.y, row.z, row.east, row.north, row.up, row.s_east, row.s_north, row.s_up)
         test = (row.test.statistic, row.test.limit, row.test.p_value) if row.test else ("", "", "")
         cells = [row.point, *map(repr, numbers), *map(str, test)]
         verdict = "" if record.obstacles else str(int(row.is_significant))
-        rows.append([*cells, verdict, str(int(row.is_reference))])
+        overall = "" if row.overall is None else repr(row.overall)
+        rows.append([*cells, overall, verdict, str(int(row.is_reference))])
     return csv_text(rows)
 
 
 def _verdict(record: ComparisonRecord) -> Iterator[str]:
-    moved = [row.point for row in record.displacements if row.is_significant]
     yield from _grounds(record)
     if record.obstacles:
         return
@@ -76,9 +78,25 @@ def _verdict(record: ComparisonRecord) -> Iterator[str]:
     which = "the points together" if record.datum == "as adjusted" else others
     state = "have stayed" if record.congruence.passed else "have MOVED"
     yield f"  {which} {state}: {_tested(record.congruence)}"
-    tested = sum(row.test is not None and not row.is_reference for row in record.displacements)
-    expected = f"{record.level * tested:.1f} would by chance if none had"
-    yield f"  {len(moved)} of {tested} points have moved significantly ({expected})"
+    yield from (f"  {text}" for text in movements(record))
+
+
+def movements(record: ComparisonRecord) -> Iterator[str]:
+    """What has moved, all points judged together; and what only its own test tells."""
+    tested = sum(row.overall is not None for row in record.displacements)
+    moved = [row for row in record.displacements if row.is_significant]
+    marginal = [row.point for row in record.displacements if row.is_marginal]
+    small = units.Units(record.units).small_length
+    if len(moved) == 1:
+        yield f"{moved[0].point} has moved by {small.text(moved[0].length)}"
+    elif moved:
+        names = listed([row.point for row in moved], MOST_NAMES)
+        yield f"{len(moved)} of {tested} points have moved: {names}"
+    else:
+        yield f"none of {tested} points has moved significantly"
+    if marginal:
+        expected = f"{record.level * tested:.1f} of {tested} are by chance"
+        yield f"just above the limit of its own test: {listed(marginal, MOST_NAMES)} ({expected})"
 
 
 def _grounds(record: ComparisonRecord) -> Iterator[str]:
@@ -111,7 +129,8 @@ def _table(record: ComparisonRecord, chosen: Sequence[DisplacementRecord]) -> Ta
 
 def _cells(row: DisplacementRecord, small: units.Scale, *, is_undecided: bool) -> tuple[str, ...]:
     numbers = (row.east, row.north, row.up, row.s_east, row.s_north, row.s_up, row.length)
-    verdict = "moved" if row.is_significant else "reference" if row.is_reference else ""
+    verdict = "moved" if row.is_significant else "marginal" if row.is_marginal else ""
+    verdict = "reference" if row.is_reference and not verdict else verdict
     verdict = "undecided" if is_undecided else verdict
     if row.test is None:
         return (row.point, *map(small.number, numbers), units.ABSENT, units.ABSENT, "held")

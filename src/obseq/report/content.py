@@ -1,8 +1,9 @@
-"""What the interactive page holds: names of points, plan, tables and iterations, from the record alone."""
+"""The tables of the page of an adjustment, and the names of its points: from the record alone."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
@@ -22,7 +23,6 @@ from obseq.report.columns import (
     small,
     table,
 )
-from obseq.report.plan import plan
 from obseq.report.quality import ellipse_level, parts_per_million
 from obseq.report.rows import short_names, unit_of
 
@@ -35,23 +35,14 @@ Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""
 
 
-def content(record: AdjustmentRecord) -> Table:
-    """Names of points, plan, tables and iterations of an adjustment.
-
-    A table has columns; a column a title, a quantity (how its numbers are shown), and values.
-    """
-    rows = _numbers(record)
-    tables = (made(record, rows) for made in TABLES)
-    return {
-        "units": {"length": record.units.length, "angle": record.units.angle},
-        "names": [printable_line(name) for name in rows],
-        "plan": plan(record, rows) if record.points else None,
-        "tables": [table for table in tables if table],
-        "iterations": [{"sigma0": row.sigma0, "max_step": row.max_step} for row in record.iterations],
-    }
+def tables(record: AdjustmentRecord, rows: Rows) -> list[Table]:
+    """The tables of an adjustment; the quantity of a column says how its numbers are shown."""
+    made = (of(record, rows) for of in TABLES)
+    return [item for item in made if item]
 
 
-def _numbers(record: AdjustmentRecord) -> Rows:
+def numbers_of(record: AdjustmentRecord) -> Rows:
+    """The number of each name of a point: those of the record first, in its order."""
     rows = {point.name: k for k, point in enumerate(record.points)}
     lost = [item.name for item in record.left_out if item.place]
     quoted = (name for row in record.observations for name in (row.origin, row.target, row.backsight))
@@ -61,60 +52,127 @@ def _numbers(record: AdjustmentRecord) -> Rows:
 
 
 def _observations(record: AdjustmentRecord, rows: Rows) -> Table | None:
-    """All observations, the worst first."""
+    """All observations; those of a plan have only what is intended and its reliability."""
     found = record.observations
     if not found:
         return None
-    columns = [*_observed(record, rows), *_judged(record), *_effects(record), *_places(record)]
-    made = table("observations", "Observations", "Observations", columns, about=_of_observations(record))
-    keys = [item.get("key") for item in made["columns"]]
-    judged = "standardised" if record.reliability else "normalised"
-    return made | {
-        "angular": [int(unit_of(row) == "rad") for row in found],
-        "unused": [int(not row.active) for row in found],
-        "sort": [keys.index(judged), -1] if judged in keys else None,
-    }
+    columns = [*_observed(record, rows), *_judged(record), *_effects(record)]
+    limit = record.reliability and record.reliability.critical
+    chips = [] if limit is None or record.planned else [[f"|w| > {limit:.2f}", f"|w|>{limit:.2f}"]]
+    return table(
+        "observations",
+        "Observations",
+        columns,
+        about=_of_observations(record),
+        angular=[int(unit_of(row) == "rad") for row in found],
+        unused=[int(not row.active) for row in found],
+        order="effect" if record.planned else "w",
+        hint=f"{printable_line(found[0].origin)} {found[0].type} |w|>3",
+        chips=chips if limit is None else [*chips, ["weakly checked", "redundancy<0.1"]],
+        rows="observation",
+    )
 
 
 def _observed(record: AdjustmentRecord, rows: Rows) -> list[Column]:
     found = record.observations
     places = [PLACES[unit_of(row)] for row in found]
-    return [
-        choice("type", [row.type for row in found], key="type"),
-        column("from", "point", (rows[row.origin] for row in found), key="from"),
-        column("to", "point", (rows[row.target] for row in found), key="to"),
+    names = short_names({row.file for row in found})
+    columns = [
+        choice("type", [row.type for row in found]),
+        column("from", "point", (rows[row.origin] for row in found)),
+        column("to", "point", (rows[row.target] for row in found)),
         column("backsight", "point", (rows.get(row.backsight or "") for row in found)),
-        column("observed", "observed", all_rounded([row.value for row in found], places)),
-        column("adjusted", "observed", all_rounded([row.adjusted for row in found], places)),
-        field("sigma", "small", found, "sigma"),
-        field("residual", "small", found, "residual", by_size=True),
+        choice("file", [names[row.file] for row in found], paper=False),
+        column("line", "count", (row.line for row in found), paper=False),
+        column(
+            "intended" if record.planned else "observed",
+            "observed",
+            all_rounded([row.value for row in found], places),
+        ),
+        field("sigma", "small", found, "sigma", paper=record.planned),
     ]
+    if not record.planned:
+        columns += [
+            column("adjusted", "observed", all_rounded([row.adjusted for row in found], places), paper=False),
+            field("residual", "small", found, "residual", by_size=True, about="computed minus observed"),
+        ]
+    return columns
 
 
 def _judged(record: AdjustmentRecord) -> list[Column]:
     """Normalised residuals, and reliability where the record has it."""
     found, level = record.observations, record.reliability
-    normalised = {"key": "normalised", "by_size": True, "about": "residual / sigma"}
     if level is None:
-        return [field("normalised", "number", found, "normalised_residual", limit=4.0, **normalised)]
-    standardised = {
-        "key": "standardised",
-        "by_size": True,
-        "limit": level.critical,
-        "about": "residual / its own a priori standard deviation",
-    }
-    tau = "residual / its own a posteriori standard deviation"
-    controlled = "how far the others control it: 0 not at all, 1 completely"
-    effect = "most that the detectable bias moves any coordinate, in its standard deviations"
-    blunder = "estimate of its error, if it were the only one"
+        about = "residual / sigma"
+        return [
+            field("w", "number", found, "normalised_residual", by_size=True, limit=4.0, about=about, bar="w")
+        ]
+    own = "residual / its own a priori standard deviation"
+    of_residuals = [
+        field(
+            "w",
+            "number",
+            found,
+            "standardised_residual",
+            by_size=True,
+            limit=level.critical,
+            about=own,
+            bar="w",
+        ),
+        field(
+            "normalised",
+            "number",
+            found,
+            "normalised_residual",
+            by_size=True,
+            about="residual / sigma",
+            rare=True,
+        ),
+        field(
+            "tau",
+            "number",
+            found,
+            "tau",
+            by_size=True,
+            about="residual / its own a posteriori standard deviation",
+            rare=True,
+        ),
+        field(
+            "error",
+            "small",
+            found,
+            "blunder",
+            by_size=True,
+            about="estimate of its error, if it were the only one",
+            rare=True,
+        ),
+    ]
     return [
-        field("normalised", "number", found, "normalised_residual", **normalised),
-        field("standardised", "number", found, "standardised_residual", **standardised),
-        field("tau", "number", found, "tau", by_size=True, about=tau),
-        field("redundancy", "number", found, "redundancy", key="redundancy", about=controlled),
-        field("detectable", "small", found, "detectable", about="smallest bias that its test finds"),
-        field("effect", "number", found, "external", about=effect),
-        field("off by", "small", found, "blunder", by_size=True, about=blunder),
+        *([] if record.planned else of_residuals),
+        field(
+            "redundancy",
+            "number",
+            found,
+            "redundancy",
+            about="share of an error that shows in its residual",
+            bar="redundancy",
+        ),
+        field(
+            "detectable",
+            "small",
+            found,
+            "detectable",
+            about="smallest error that its test finds",
+            paper=record.planned,
+        ),
+        field(
+            "effect",
+            "number",
+            found,
+            "external",
+            about="most that such an error moves a coordinate, in its standard deviations",
+            paper=record.planned,
+        ),
     ]
 
 
@@ -122,49 +180,88 @@ def _effects(record: AdjustmentRecord) -> list[Column]:
     """Which point the detectable bias of each observation moves most, and by how much."""
     found = [row.effect for row in record.observations]
     names = [None if item is None else printable_line(item.point) for item in found]
-    about = "the point that the detectable bias moves most"
-    moved = [inside(f"by d{axis}", "small_length", found, axis, by_size=True) for axis in "xyz"]
-    return [column("moves", "text", names, about=about), *moved]
-
-
-def _places(record: AdjustmentRecord) -> list[Column]:
-    found = record.observations
-    names = short_names({row.file for row in found})
-    return [
-        choice("file", [names[row.file] for row in found]),
-        column("line", "count", (row.line for row in found)),
-    ]
+    about = "the point that an error of the detectable size moves most"
+    moved = [inside(f"by d{axis}", "small_length", found, axis, by_size=True, rare=True) for axis in "xyz"]
+    return [column("moves", "text", names, about=about, rare=True), *moved]
 
 
 def _of_observations(record: AdjustmentRecord) -> str:
-    text = "Residuals are computed minus observed; struck out: not used."
-    if record.reliability is None:
-        return text
     found = record.reliability
+    if record.planned:
+        return "Nothing is measured yet: what the tests of each would find, and what they would miss."
+    text = "Residuals are computed minus observed; struck out: not used."
+    if found is None:
+        return f"{text} w is the residual over its sigma."
     return (
-        f"{text} Standardised residuals with the a priori sigmas, limit {found.critical:.2f} at "
+        f"{text} w is the residual over its own standard deviation, limit {found.critical:.2f} at "
         f"{100 * found.level:g} %; detectable with a power of {100 * found.power:g} %."
     )
 
 
-def _points(record: AdjustmentRecord, _: Rows) -> Table | None:
-    """Coordinates in the computation frame, with precisions and what was known."""
+def _points(record: AdjustmentRecord, rows: Rows) -> Table | None:
+    """Coordinates in the system of the points, those of the computation frame beside them; precisions."""
     found = record.points
     if not found:
         return None
+    is_other = record.points_crs != record.frame
     inner, moved = [point.inner for point in found], [point.moved for point in found]
-    given = {"by_size": True, "about": "adjusted minus given"}
+    counts = Counter(name for row in record.observations if row.active for name in {row.origin, row.target})
+    frame = [
+        column(
+            f"frame {axis}" if is_other else axis,
+            "length",
+            all_rounded([getattr(point, axis) for point in found]),
+            rare=is_other,
+        )
+        for axis in "xyz"
+    ]
+    own = [field(f"s{axis}", "small_length", found, f"s{axis}") for axis in "xyz"]
+    if is_other and any(point.crs_sx is not None for point in found):
+        own = [field(f"s{axis}", "small_length", found, f"crs_s{axis}") for axis in "xyz"]
     columns = [
         column("point", "point", range(len(found))),
         _classes(record),
-        *(column(axis, "length", all_rounded([getattr(point, axis) for point in found])) for axis in "xyz"),
-        *(field(f"s{axis}", "small_length", found, f"s{axis}") for axis in "xyz"),
-        *(element(f"inner s{axis}", "small_length", inner, k) for k, axis in enumerate("xyz")),
-        *(element(f"moved {axis}", "small_length", moved, k, **given) for k, axis in enumerate("xyz")),
+        *((_given_axis(record, axis) for axis in "xyz") if is_other else ()),
+        *frame,
+        *own,
         *ellipse_columns(point.ellipse for point in found),
+        column("observations", "count", (counts[point.name] for point in found), paper=False),
+        *(
+            element(
+                f"moved {axis}",
+                "small_length",
+                moved,
+                k,
+                by_size=True,
+                about="adjusted minus given",
+                rare=True,
+            )
+            for k, axis in enumerate("xyz")
+        ),
+        *(
+            element(
+                f"inner s{axis}",
+                "small_length",
+                inner,
+                k,
+                about="with the datum of inner constraints",
+                rare=True,
+            )
+            for k, axis in enumerate("xyz")
+        ),
     ]
-    about = f"Precisions {record.precision or 'as in the record'}; ellipses {ellipse_level(record)}."
-    return table("points", "Points", f"Points in the computation frame {record.frame}", columns, about=about)
+    where = record.points_crs if is_other else f"the computation frame {record.frame}"
+    precisions = f"precisions {record.precision or 'as in the record'}"
+    about = f"Coordinates in {where}; {precisions}; ellipses {ellipse_level(record)}."
+    return table(
+        "points",
+        "Points",
+        columns,
+        about=about,
+        rows="point",
+        order="major",
+        hint=f"{printable_line(found[0].name)} known sz>3",
+    )
 
 
 def _classes(record: AdjustmentRecord) -> Column:
@@ -172,24 +269,9 @@ def _classes(record: AdjustmentRecord) -> Column:
     stations = {row.origin for row in record.observations if row.active}
     texts = []
     for point in record.points:
-        known = f"known {point.known}" if point.known else "free"
-        texts.append(f"{known}, station" if point.name in stations else known)
-    about = "known coordinates: small letters with a sigma, capitals held"
-    return choice("class", texts, about=about)
-
-
-def _crs(record: AdjustmentRecord, _: Rows) -> Table | None:
-    """Coordinates in the system of the points, where it is another."""
-    found = record.points
-    if record.points_crs == record.frame or not found:
-        return None
-    columns = [
-        column("point", "point", range(len(found))),
-        *(_given_axis(record, axis) for axis in "xyz"),
-        *(field(f"s{axis}", "small_length", found, f"crs_s{axis}") for axis in "xyz"),
-    ]
-    about = f"Precisions {record.precision or ''}, along the axes of the system or along east, north and up."
-    return table("coordinates", "Coordinates", f"Points in {record.points_crs}", columns, about=about)
+        known = f"known {point.known}" if point.known else ""
+        texts.append(known or ("station" if point.name in stations else "point"))
+    return choice("kind", texts, about="known coordinates: small letters with a sigma, capitals held")
 
 
 def _given_axis(record: AdjustmentRecord, axis: str) -> Column:
@@ -212,8 +294,8 @@ def _ellipsoids(record: AdjustmentRecord, _: Rows) -> Table | None:
             element(f"bearing {k + 1}", "bearing", parts["bearings"], k),
             element(f"elevation {k + 1}", "bearing", parts["elevations"], k),
         ]
-    about = f"Semi-axes, the longest first; {ellipse_level(record, 'ellipsoid')}."
-    return table("ellipsoids", "Ellipsoids", "Error ellipsoids", columns, about=about)
+    about = f"Semi-axes of the error ellipsoids, the longest first; {ellipse_level(record, 'ellipsoid')}."
+    return table("ellipsoids", "Ellipsoids", columns, about=about)
 
 
 def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
@@ -229,13 +311,14 @@ def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
         field("sigma", "small_length", found, "sigma"),
         field("residual", "small_length", found, "residual", by_size=True),
         field("normalised", "number", found, "normalised_residual", by_size=True, limit=4.0),
-        field("standardised", "number", found, "standardised_residual", by_size=True),
-        field("redundancy", "number", found, "redundancy"),
-        choice("file", [names[row.file] for row in found]),
-        column("line", "count", (row.line for row in found)),
+        field("w", "number", found, "standardised_residual", by_size=True, bar="w"),
+        field("redundancy", "number", found, "redundancy", bar="redundancy"),
+        choice("file", [names[row.file] for row in found], paper=False),
+        column("line", "count", (row.line for row in found), paper=False),
     ]
-    about = "Residuals are adjusted minus given."
-    return table("known", "Known points", "Known coordinates", columns, sort=[5, -1], about=about)
+    return table(
+        "known", "Known points", columns, order="normalised", about="Residuals are adjusted minus given."
+    )
 
 
 def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
@@ -254,12 +337,14 @@ def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
         column("off by", "small_length", off, about="estimate of its error, if it were the only one"),
         field("up", "small_length", found, "rise", about="the same, if its height alone were wrong"),
         field("w of that", "number", found, "rise_test", by_size=True),
-        choice("file", [names[row.file] for row in found]),
-        column("line", "count", (row.line for row in found)),
+        choice("file", [names[row.file] for row in found], paper=False),
+        column("line", "count", (row.line for row in found), paper=False),
     ]
-    about = "T is the test of all components together; its limit finds errors as large as single tests do."
-    title = "Vectors and positions, each tested as one observation"
-    return table("vectors", "Vectors", title, columns, sort=[4, -1], about=about)
+    about = (
+        "Each is tested as one observation: T of all components together; its limit finds errors as large "
+        "as single tests do."
+    )
+    return table("vectors", "Vectors", columns, order="T / limit", about=about)
 
 
 def _stations(record: AdjustmentRecord, rows: Rows) -> Table | None:
@@ -270,40 +355,38 @@ def _stations(record: AdjustmentRecord, rows: Rows) -> Table | None:
     columns = [
         column("station", "point", (rows.get(row.origin) for row in found)),
         choice("orientation", [row.orientation for row in found]),
-        column("zero of the circle", "angle", zeros),
+        column("zero of the circle", "angle", zeros, about="its azimuth"),
     ]
-    return table("stations", "Stations", "Stations and the azimuth of the zero of their circles", columns)
+    return table("stations", "Stations", columns)
 
 
 def _by_type(record: AdjustmentRecord, _: Rows) -> Table | None:
     first = choice("type", [row.name for row in record.types or ()])
-    return _statistics("type", first, record.types or ())
+    return _statistics("by-type", "By type", first, record.types or ())
 
 
 def _by_station(record: AdjustmentRecord, rows: Rows) -> Table | None:
     first = column("from", "point", (rows.get(row.name) for row in record.setups or ()))
-    return _statistics("station", first, record.setups or ())
+    return _statistics("by-station", "By station", first, record.setups or ())
 
 
-def _statistics(kind: str, first: Column, found: Sequence[StatisticsRecord]) -> Table | None:
+def _statistics(key: str, title: str, first: Column, found: Sequence[StatisticsRecord]) -> Table | None:
     """The table of how the observations of each type or from each point fit."""
     if not found:
         return None
     columns = [
         first,
-        column("observations", "count", (row.count for row in found)),
-        column("not used", "count", (row.unused for row in found)),
+        column("used", "count", (row.count for row in found)),
+        column("unused", "count", (row.unused for row in found)),
         field("redundancy", "number", found, "redundancy"),
-        field("mean", "number", found, "mean", by_size=True),
-        field("rms", "number", found, "rms"),
-        field("largest", "number", found, "largest"),
-        field("sigma x", "number", found, "sigma_factor"),
+        field("mean", "number", found, "mean", by_size=True, about="of the normalised residuals"),
+        field("rms", "number", found, "rms", about="of the normalised residuals"),
+        field("largest", "number", found, "largest", about="standardised residual"),
+        field("factor", "number", found, "sigma_factor", about="1 when the sigmas are right"),
+        field("from", "number", found, "lower", key="lower", about="smallest factor of right sigmas"),
+        field("to", "number", found, "upper", key="upper", about="largest factor of right sigmas"),
     ]
-    about = (
-        "Mean and root mean square of normalised residuals; the largest standardised one; what would "
-        "multiply the sigmas (root of the weighted squares over the redundancy)."
-    )
-    return table(f"by-{kind}", f"By {kind}", f"Statistics by {kind}", columns, about=about)
+    return table(key, title, columns, order="factor", inside=True)
 
 
 def _relative(record: AdjustmentRecord, rows: Rows) -> Table | None:
@@ -320,7 +403,7 @@ def _relative(record: AdjustmentRecord, rows: Rows) -> Table | None:
         *ellipse_columns(row.ellipse for row in found),
     ]
     about = f"Precisions {record.precision or 'as in the record'}; ellipses {ellipse_level(record)}."
-    return table("relative", "Relative", "Points relative to each other", columns, about=about)
+    return table("relative", "Pairs", columns, about=about, order="s distance")
 
 
 def _components(record: AdjustmentRecord, _: Rows) -> Table | None:
@@ -335,8 +418,8 @@ def _components(record: AdjustmentRecord, _: Rows) -> Table | None:
         field("redundancy", "number", found, "redundancy"),
         choice("supported", ["yes" if row.supported else "no" for row in found]),
     ]
-    title = "Variance components: factors of the given variances, which were applied"
-    return table("components", "Components", title, columns)
+    about = "Factors of the given variances, which were applied."
+    return table("components", "Variance components", columns, about=about, inside=True)
 
 
 def _undetermined(record: AdjustmentRecord, rows: Rows) -> Table | None:
@@ -347,23 +430,24 @@ def _undetermined(record: AdjustmentRecord, rows: Rows) -> Table | None:
     numbered = [(f"{k + 1}: {item.text}", item) for k, item in enumerate(found)]
     moves = [move for item in found for move in item.moves]
     columns = [
-        choice("motion", [text for text, item in numbered for _ in item.points], key="motion"),
-        column("point", "point", (rows[name] for item in found for name in item.points), key="point"),
+        choice("motion", [text for text, item in numbered for _ in item.points]),
+        column("point", "point", (rows[name] for item in found for name in item.points)),
         *(
             column(f"along {axis}", "number", (move[k] for move in moves), key=axis)
             for k, axis in enumerate("xyz")
         ),
     ]
-    about = "How points may move together without any residual; the farthest of each motion by 1."
-    title = "Not determined by the observations: what the datum of the free network takes"
-    return table("undetermined", "Not determined", title, columns, about=about)
+    about = (
+        "What the datum of the free network takes: how points may move together without any residual; the "
+        "farthest of each motion by 1."
+    )
+    return table("undetermined", "Not determined", columns, about=about, inside=True)
 
 
 TABLES: tuple[Callable[[AdjustmentRecord, Rows], Table | None], ...] = (
     _observations,
     _vectors,
     _points,
-    _crs,
     _known,
     _stations,
     _by_type,

@@ -1,88 +1,115 @@
-"""The HTML report: one file that needs nothing else, with a plan and tables that are linked."""
+"""The page of a result: one file that needs nothing else, one script for every kind."""
+
+from __future__ import annotations
 
 from importlib.resources import files
 from string import Template
+from typing import TYPE_CHECKING, Any
 
 from obseq.arguments import expecting, instance
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.record import encoded
-from obseq.report.content import content
+from obseq.report import adjusted, findings, spared
+from obseq.report.content import numbers_of, tables
+from obseq.report.head import Page
 from obseq.report.html import escaped
-from obseq.report.quality import single_tests, snooping_lines, suspects
-from obseq.report.summary import (
-    basis,
-    gross_errors,
-    how_it_ended,
-    kinds,
-    left_out,
-    notes,
-    tested,
-    warnings,
+from obseq.report.packed import packed
+from obseq.report.plan import plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from obseq.records.adjustment import RunRecord
+
+SCRIPTS = (
+    "elements",
+    "numbers",
+    "drawing",
+    "figures",
+    "sights",
+    "motions",
+    "plan",
+    "table",
+    "charts",
+    "paper",
+    "main",
 )
-from obseq.report.units import significant
-from obseq.report.verdict import Verdict
-
-SCRIPTS = ("elements", "numbers", "table", "drawing", "sights", "motions", "plan", "charts", "main")
-MOST_WARNINGS = 20
-
-Facts = list[tuple[str, str, str]]
 
 
 @expecting(record=instance(AdjustmentRecord))
 def page(record: AdjustmentRecord) -> str:
-    """The report as an HTML document that loads nothing: its script and all numbers are inside."""
-    return Template(_part("page.html")).substitute(
-        title=escaped(title(record)),
-        style=_part("page.css"),
-        facts=_facts(record),
-        content=_embedded(content(record)),
-        script="\n".join(_part(f"{name}.js") for name in SCRIPTS),
+    """The report of an adjustment as an HTML document that loads nothing: script and numbers are inside."""
+    return document(adjustment_page(record))
+
+
+def adjustment_page(given: AdjustmentRecord) -> Page:
+    """All that the page of an adjustment shows; precisions that suspected errors spoil are not among it."""
+    record = spared.spared(given)
+    rows = numbers_of(record)
+    lists = findings.findings(record, rows)
+    return Page(
+        "adjustment",
+        record.title or f"Network of {len(record.points)} points",
+        about("Adjustment", record.run),
+        "" if record.run is None else record.run.identifier,
+        {"length": record.units.length, "angle": record.units.angle},
+        adjusted.verdict(record),
+        adjusted.cards(record, rows),
+        lists,
+        printed(rows),
+        plan(record, rows) if record.points else None,
+        tables(record, rows),
+        adjusted.sections(record),
+        None if record.reliability is None else record.reliability.critical,
+        lists[0].items[0].to if record.gross_errors else None,
     )
 
 
-def title(record: AdjustmentRecord) -> str:
-    """What the user calls the adjustment, or what it is of."""
-    return record.title or f"Adjustment: {len(record.points)} points, {record.n_observations} observations"
+def about(what: str, run: RunRecord | None) -> str:
+    """What a page shows, and when that was made."""
+    return what if run is None else f"{what} \u00b7 {run.created[:16].replace('T', ' ')} UTC"
+
+
+def printed(names: Iterable[str]) -> list[str]:
+    """Names of points as a page shows them."""
+    from obseq.printable import printable_line
+
+    return [printable_line(name) for name in names]
+
+
+def document(shown: Page) -> str:
+    """The HTML document."""
+    return Template(_part("page.html")).substitute(
+        title=escaped(shown.title),
+        style=_bare(_part("page.css")),
+        content=_embedded(encoded(_packed(shown))),
+        script="\n".join(_bare(_part(f"{name}.js")) for name in SCRIPTS),
+    )
+
+
+def _packed(shown: Page) -> Page:
+    """The page whose long columns are bytes."""
+    from msgspec import structs
+
+    return structs.replace(shown, tables=[_shorter(table) for table in shown.tables])
+
+
+def _shorter(table: dict[str, Any]) -> dict[str, Any]:
+    columns = [item | {"values": packed(item["values"], item["quantity"])} for item in table["columns"]]
+    marks = {name: packed(table[name], "choice") for name in ("angular", "unused") if name in table}
+    return table | marks | {"columns": columns, "size": len(table["columns"][0]["values"])}
 
 
 def _part(name: str) -> str:
     return files("obseq.report").joinpath("web", name).read_text(encoding="utf-8")
 
 
-def _embedded(plain: dict[str, object]) -> str:
+def _bare(source: str) -> str:
+    """Source text without its indents and its comments, which stand on lines of their own."""
+    lines = (line.strip() for line in source.splitlines())
+    return "\n".join(line for line in lines if line and not line.startswith(("//", "/**", "*")))
+
+
+def _embedded(text: str) -> str:
     """JSON inside an element of HTML: nothing in it ends the element."""
-    return encoded(plain).replace("<", "\\u003c")
-
-
-def _facts(record: AdjustmentRecord) -> str:
-    items = [*_outcome(record), *((name, text, "") for name, text in basis(record)), *_remarks(record)]
-    cells = (
-        f'<dt>{escaped(name)}</dt><dd class="{style}">{escaped(text)}</dd>' for name, text, style in items
-    )
-    return f"<dl>{''.join(cells)}</dl>"
-
-
-def _outcome(record: AdjustmentRecord) -> Facts:
-    verdict = Verdict(record)
-    sigma0 = tested(record) if record.planned else f"{significant(record.sigma0)}; {tested(record)}"
-    accepted = "good" if verdict.is_accepted else "bad"
-    return [
-        ("result", how_it_ended(record), "good" if record.converged else "bad"),
-        *(("gross errors", line.strip(), "bad") for line in gross_errors(record, MOST_WARNINGS)),
-        *(("", line.strip(), "bad") for line in left_out(record)),
-        ("observations", f"{record.n_observations} ({kinds(record)})", ""),
-        ("constraints", f"{record.n_constraints}", ""),
-        ("unknowns", f"{record.n_unknowns}", ""),
-        ("redundancy", f"{record.redundancy}", ""),
-        ("sigma0", sigma0, "" if record.planned else accepted),
-        ("", verdict.explanation, ""),
-        *(("", line, "bad" if suspects(record) else "") for line in single_tests(record)),
-        *(("snooping", line, "") for line in snooping_lines(record)),
-    ]
-
-
-def _remarks(record: AdjustmentRecord) -> Facts:
-    return [
-        *(("note", line.removeprefix("Note: "), "") for line in notes(record)),
-        *(("warning", line.removeprefix("Warning: "), "") for line in warnings(record, MOST_WARNINGS)),
-    ]
+    return text.replace("<", "\\u003c")

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 TOGETHER = 0.1
 """Width (rad) of the bundles of rays that are drawn as one, with all their names."""
 
+ACROSS, ALONG = ("Azim", "Hz"), ("Chord", "Dist", "DistHz", "DistHz0")
+"""Types whose residuals the plan draws, across their sights and along them."""
+
 KNOWN, STATION, UNDETERMINED = 1, 2, 4
 """Marks of points, added up; the script of the page has the same."""
 
@@ -38,15 +41,11 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
         places[rows[name]] = place
         if "z" not in (record.points[rows[name]].known or "").lower():
             marks[rows[name]] &= ~KNOWN
-    shown = {
-        "title": "triangles: known points; circles: stations; dots: other points",
-        "ellipses": f"ellipses {ellipse_level(record)}",
-    }
+    shown = {"ellipses": f"ellipse {ellipse_level(record)}"}
     if drawn is not None:
         shown = {
-            "title": "no plan is known: a scheme of the levelling, longer lines being less precise ones; "
-            "triangles: known points; circles: where lines begin",
-            "ellipses": f"circles: standard deviations of the heights {record.precision or ''}".strip(),
+            "title": "no plan is known: a scheme of the levelling, longer lines being less precise ones",
+            "ellipses": f"circle: standard deviation of the height {record.precision or ''}".strip(),
         }
     return {
         "x": [x for x, _ in places],
@@ -59,7 +58,9 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
         "rays": _rays(record, rows),
         "loose": _loose(record, rows),
         **shown,
-        "displacements": "displacements, adjusted minus given",
+        "displacements": "displacement, adjusted minus given",
+        "across": sorted(ACROSS),
+        "along": sorted(ALONG),
     }
 
 

@@ -28,7 +28,7 @@ def plan_summary(record: PlanRecord, written: Sequence[str] = ()) -> str:
         lines_of(_weakest(record.weakest_points, shown)),
         _uncontrolled(record, shown),
         _gains(record, shown),
-        _draws(record.draws),
+        draws_told(record.draws),
         warnings(record.adjustment, MOST_WARNINGS),
         notes(record.adjustment),
         [f"written: {', '.join(written)}"] if written else [],
@@ -111,7 +111,8 @@ def _gain_cells(item: GainRecord, shown: Units) -> tuple[str, ...]:
     )
 
 
-def _draws(draws: DrawsRecord | None) -> Iterator[str]:
+def draws_told(draws: DrawsRecord | None) -> Iterator[str]:
+    """What adjustments of drawn observations say of the prediction."""
     if draws is None:
         return
     verdict = "agree with the prediction" if draws.agrees else "DO NOT AGREE with the prediction"

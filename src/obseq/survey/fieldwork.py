@@ -173,7 +173,7 @@ class Fieldwork:
         if not is_free_standing(points):
             before = self._adjusted_as_given(computation.plain(), strict=strict)
             points = before.points.points
-        place = points.coordinates if before is None else before.points.coordinates
+        place = points.coordinates if before is None else before.points.places
         book, told = without_azimuths(self.book)
         free, book = join(freed(points, place, datum), book)
         adjustment = replace(self, points=free, book=book)._adjusted_as_given(computation, strict=strict)

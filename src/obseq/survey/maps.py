@@ -23,7 +23,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, ObservationRecord, PointRecord
@@ -87,8 +87,9 @@ def layers_of(record: AdjustmentRecord, ellipse_scale: float) -> list[Layer]:
 
 
 def _corner(point: PointRecord) -> FloatArray:
-    """(1, 3) where a point is, at height 0 where nobody knows its height; (0, 3) without a plan."""
-    return np.array([[*point.plan, point.z or 0.0]]) if point.plan else np.zeros((0, 3))
+    """(1, 3) where a point is, its height NaN where nobody knows it; (0, 3) without a plan."""
+    height = np.nan if point.z is None else point.z
+    return np.array([[*point.plan, height]]) if point.plan else np.zeros((0, 3))
 
 
 def _line(start: FloatArray, end: FloatArray) -> FloatArray:
@@ -144,8 +145,7 @@ def geojson(record: AdjustmentRecord, ellipse_scale: float) -> str:
 def _features(layer: Layer, frame: crs.CoordinateSystem) -> Iterator[Properties]:
     if not layer.shapes:
         return
-    whole = np.concatenate(layer.shapes)
-    geodetic = frame.geodetic(whole) if len(whole) else whole
+    geodetic = _moved(np.concatenate(layer.shapes), frame.geodetic)
     degrees = np.column_stack([np.degrees(geodetic[:, :2]), geodetic[:, 2]])
     ends = np.cumsum([len(shape) for shape in layer.shapes])[:-1]
     for corners, properties in zip(np.split(degrees, ends), layer.properties, strict=True):
@@ -162,9 +162,17 @@ def _geometry(name: str, parts: list[list[list[float]]]) -> Properties:
 
 
 def _rounded(corners: FloatArray) -> list[list[float]]:
-    """Corners as they are written."""
+    """Corners as they are written, without heights where one is missing."""
     rounded = np.column_stack([np.round(corners[:, :2], DEGREES), np.round(corners[:, 2], 4)])
-    return [[float(value) for value in corner] for corner in rounded]
+    known = rounded[:, :2] if np.isnan(rounded).any() else rounded
+    return [[float(value) for value in corner] for corner in known]
+
+
+def _moved(corners: FloatArray, to: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Corners (n, 3) in another system; those without a height at height 0, which does not come out."""
+    if not len(corners):
+        return corners
+    return np.where(np.isnan(corners) & [False, False, True], np.nan, to(np.nan_to_num(corners)))
 
 
 def geopackage(record: AdjustmentRecord, ellipse_scale: float) -> bytes:
@@ -209,8 +217,7 @@ def _well_known(
     layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem
 ) -> npt.NDArray[np.object_]:
     """(n,) shapes as well-known binary, x first."""
-    whole = np.concatenate(layer.shapes)
-    corners = crs.Transformer(frame, target).forward(whole) if len(whole) else whole
+    corners = _moved(np.concatenate(layer.shapes), crs.Transformer(frame, target).forward)
     parts = np.split(corners, np.cumsum([len(shape) for shape in layer.shapes])[:-1])
     codes = {"Point": (1001, ()), "LineString": (1002, ("n",)), "Polygon": (1003, ("1", "n"))}
     code, counts = codes[layer.geometry]

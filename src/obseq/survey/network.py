@@ -39,6 +39,7 @@ from obseq.survey.diagnosing.without_accused import without_accused
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.own_frame import placed_in_own_frame
+from obseq.survey.initial.plan_only import with_heights_of_site, with_plans_only
 from obseq.survey.model import join
 from obseq.survey.point_file_options import PointFileOptions
 
@@ -269,7 +270,10 @@ class Network:
         faces: str = MEAN,
     ) -> Network:
         """The network of points in their system and of observations."""
+        points, book = join(points, reduced_faces(book, faces))
         with watch.phase("coordinate systems"):
+            if points_crs is None or crs.parse(points_crs).kind is not crs.Kind.GEOCENTRIC:
+                points = with_heights_of_site(points, book)
             computation, given = frame_of(frame, points_crs, points)
             placed = points.has_coordinates
             system = PointSystem(computation, given)
@@ -278,12 +282,9 @@ class Network:
             names = [points.names[row] for row in np.flatnonzero(placed)]
             coordinates[placed] = system.placed(points.coordinates[placed], names)
             warning = area_warning(given, points)
-        book = reduced_faces(book, faces)
-        if warning is not None:
-            book = replace(book, warnings=(*book.warnings, warning))
-        points, book = join(
-            replace(points, coordinates=coordinates),
-            book.warned(*repetitions(book), *implausible_sigmas(points, book)),
+        points = replace(points, coordinates=coordinates)
+        book = book.warned(
+            *([] if warning is None else [warning]), *repetitions(book), *implausible_sigmas(points, book)
         )
         frame_of_network = Frame(computation, refraction)
         own = None if frame_of_network.has_place else placed_in_own_frame(points, book)
@@ -301,7 +302,9 @@ class Network:
     @property
     def fieldwork(self) -> Fieldwork:
         """What an adjustment works on."""
-        return Fieldwork(self.points, self.book, self.frame, self.points_crs, self.shown, self.written)
+        has_heights = self.frame.has_vertical and self.points_crs.kind is not crs.Kind.GEOCENTRIC
+        points = with_plans_only(self.points, self.book) if has_heights else self.points
+        return Fieldwork(points, self.book, self.frame, self.points_crs, self.shown, self.written)
 
     def given_points(self) -> Points:
         """The points with coordinates in the system of their files; those that it adds have none."""

@@ -51,8 +51,8 @@ class Points:
         covariance: what replaces the sigmas of some known coordinates; None for nothing.
         datum: (n, 3) true for free components that carry the datum of a free network: the sum of squares of
             their changes from the coordinates of the file is least; None for none.
-        invented: (n, 3) true for components that nobody gave and nothing observes: what stands there, held,
-            is a place to compute at, and no result; None for none.
+        invented: (n, 3) true for components that nothing observes: where they stand, held, is a place to
+            compute at, and no result; None for none. Those without a constraint are held where they start.
     """
 
     names: tuple[str, ...]
@@ -89,6 +89,11 @@ class Points:
     def is_free(self) -> BoolArray:
         """(n, 3) true where a component has no constraint."""
         return np.isnan(self.sigmas)
+
+    @property
+    def is_unknown(self) -> BoolArray:
+        """(n, 3) true where observations have to determine a component."""
+        return np.asarray(self.is_free & ~self.is_invented)
 
     @property
     def is_held(self) -> BoolArray:

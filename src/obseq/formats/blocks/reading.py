@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from obseq.images.block import Block
+
 SHOWN = 5
 """Names of many that a note gives."""
 
@@ -29,7 +31,7 @@ def new_block(path: str | Path) -> Iterator[BundleAdjustment]:
         yield block
 
 
-def note_count(block: BundleAdjustment, names: Sequence[str], words: str) -> None:
+def note_count(block: Block, names: Sequence[str], words: str) -> None:
     """Notes how many things a file holds that are not used as it says, and the names of the first ones.
 
     Args:

@@ -178,10 +178,15 @@ def read_control(path: str | Path, sigma: float | None = None) -> ControlPoints:
 
 def add_control(block: Block, path: str | Path, sigma: float | None = None) -> None:
     """Adds the control points of a table to a block; see `read_control`."""
-    table = Table.read(path)
-    control = _control(table, sigma)
+    control, table = control_table(path, sigma)
     with table.located():
         block.add_control_points(control, table.origin)
+
+
+def control_table(path: str | Path, sigma: float | None = None) -> tuple[ControlPoints, Table]:
+    """Control points, and the table that they are in; see `read_control`."""
+    table = Table.read(path)
+    return _control(table, sigma), table
 
 
 def _control(table: Table, sigma: float | None) -> ControlPoints:

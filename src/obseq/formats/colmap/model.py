@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.formats.colmap.models import MODELS
 from obseq.reading.tables import text_of
 from obseq.reading.text import read_bytes
 
@@ -18,21 +20,8 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
 
-MODELS = {
-    "SIMPLE_PINHOLE": 3,
-    "PINHOLE": 4,
-    "SIMPLE_RADIAL": 4,
-    "RADIAL": 5,
-    "OPENCV": 8,
-    "OPENCV_FISHEYE": 8,
-    "FULL_OPENCV": 12,
-    "FOV": 5,
-    "SIMPLE_RADIAL_FISHEYE": 4,
-    "RADIAL_FISHEYE": 5,
-    "THIN_PRISM_FISHEYE": 12,
-}
-"""Number of parameters of each model, in the order of COLMAP's numbers."""
 NOTHING = 2**64 - 1
+NAMED = re.compile(r"# point (\d{1,18}) is called (\S.*?)\s*$")
 
 
 @dataclass(frozen=True)
@@ -57,6 +46,7 @@ class ColmapImage:
         xy: (n, 2) pixels of the features that have a point.
         points: (n,) numbers of those points.
         where: file, and line where it has lines.
+        number: of the image.
     """
 
     name: str
@@ -66,6 +56,7 @@ class ColmapImage:
     xy: FloatArray
     points: tuple[int, ...]
     where: str
+    number: int
 
     def __post_init__(self) -> None:
         largest = float(np.abs(self.quaternion).max(initial=0.0))
@@ -75,11 +66,12 @@ class ColmapImage:
 
 @dataclass(frozen=True, eq=False)
 class ColmapModel:
-    """Cameras and points by number, images in the order of the file."""
+    """Cameras and points by number, images in the order of the file; points that comments call by a name."""
 
     cameras: dict[int, ColmapCamera]
     images: list[ColmapImage]
     points: dict[int, tuple[float, float, float]]
+    names: dict[int, str]
 
 
 def read_model(folder: Path) -> ColmapModel:
@@ -100,59 +92,69 @@ def _text(folder: Path) -> ColmapModel:
     images = list(_text_images(folder / "images.txt"))
     path = folder / "points3D.txt"
     points: dict[int, tuple[float, float, float]] = {}
-    for number, fields in _lines(path):
-        x, y, z = _floats(path, number, fields[1:4], 3)
-        points[_whole(path, number, fields[0])] = (x, y, z)
-    return ColmapModel(cameras, images, points)
+    for number, fields in lines(path):
+        x, y, z = floats(path, number, fields[1:4], 3)
+        points[whole(path, number, fields[0])] = (x, y, z)
+    return ColmapModel(cameras, images, points, _names(path))
+
+
+def _names(path: Path) -> dict[int, str]:
+    """Names of points in comments, as they are written here."""
+    found = (NAMED.match(line) for line in text_of(path).splitlines() if line.startswith("#"))
+    return {int(match[1]): match[2] for match in found if match}
 
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, ColmapCamera]]:
-    for line, fields in _lines(path):
+    for line, fields in lines(path):
         if len(fields) < 5 or fields[1] not in MODELS or len(fields) != 4 + MODELS[fields[1]]:
             raise InputError(
                 f"{path}:{line}: a camera is: number, model, width, height, parameters; the models "
                 f"known here are {', '.join(MODELS)}"
             )
-        size = (_whole(path, line, fields[2]), _whole(path, line, fields[3]))
-        values = tuple(_floats(path, line, fields[4:], len(fields) - 4))
-        yield _whole(path, line, fields[0]), ColmapCamera(fields[1], size, values, f"{path}:{line}")
+        size = (whole(path, line, fields[2]), whole(path, line, fields[3]))
+        values = tuple(floats(path, line, fields[4:], len(fields) - 4))
+        yield whole(path, line, fields[0]), ColmapCamera(fields[1], size, values, f"{path}:{line}")
 
 
 def _text_images(path: Path) -> Iterator[ColmapImage]:
-    lines = [
+    rows = [
         (number, line.split())
         for number, line in enumerate(text_of(path).splitlines(), 1)
         if not line.startswith("#")
     ]
-    if len(lines) % 2 and lines and not lines[-1][1]:
-        lines.pop()
-    if len(lines) % 2:
+    if len(rows) % 2 and rows and not rows[-1][1]:
+        rows.pop()
+    if len(rows) % 2:
         raise InputError(f"{path}: an image takes two lines, the second of which may be empty")
-    for (number, first), (below, second) in zip(lines[::2], lines[1::2], strict=True):
+    for (number, first), (below, second) in zip(rows[::2], rows[1::2], strict=True):
         if len(first) < 10 or len(second) % 3:
             raise InputError(f"{path}:{number}: an image is: number, qw qx qy qz, tx ty tz, camera, name")
-        values = np.array(_floats(path, number, first[1:8], 7))
-        rows = np.array(_floats(path, below, second, len(second))).reshape(-1, 3)
-        used = [k for k in range(len(rows)) if second[3 * k + 2] != "-1"]
-        points = tuple(_whole(path, below, second[3 * k + 2]) for k in used)
-        camera = _whole(path, number, first[8])
+        values = np.array(floats(path, number, first[1:8], 7))
+        features = np.array(floats(path, below, second, len(second))).reshape(-1, 3)
+        used = [k for k in range(len(features)) if second[3 * k + 2] != "-1"]
+        points = tuple(whole(path, below, second[3 * k + 2]) for k in used)
+        camera, number_of = whole(path, number, first[8]), whole(path, number, first[0])
         where = f"{path}:{number}"
-        yield ColmapImage(" ".join(first[9:]), camera, values[:4], values[4:], rows[used, :2], points, where)
+        found = camera, values[:4], values[4:], features[used, :2], points
+        yield ColmapImage(" ".join(first[9:]), *found, where, number_of)
 
 
-def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """The words of the lines of a text that are no comments."""
     for number, line in enumerate(text_of(path).splitlines(), 1):
         if line.strip() and not line.startswith("#"):
             yield number, line.split()
 
 
-def _whole(path: Path, line: int, word: str) -> int:
+def whole(path: Path, line: int, word: str) -> int:
+    """The whole number that a word is."""
     if not (word.isascii() and word.isdigit() and len(word) < 21):
         raise InputError(f"{path}:{line}: {word[:40]!r} is no whole number")
     return int(word)
 
 
-def _floats(path: Path, line: int, fields: list[str], count: int) -> list[float]:
+def floats(path: Path, line: int, fields: list[str], count: int) -> list[float]:
+    """So many finite numbers."""
     try:
         values = [float(field) for field in fields]
     except ValueError as error:
@@ -164,7 +166,7 @@ def _floats(path: Path, line: int, fields: list[str], count: int) -> list[float]
     return values
 
 
-class _Bytes:
+class Bytes:
     """A binary file that is read from its beginning to its end."""
 
     def __init__(self, path: Path) -> None:
@@ -216,13 +218,13 @@ class _Bytes:
 
 
 def _binary(folder: Path) -> ColmapModel:
-    cameras = dict(_binary_cameras(_Bytes(folder / "cameras.bin")))
-    images = list(_binary_images(_Bytes(folder / "images.bin")))
-    points = dict(_binary_points(_Bytes(folder / "points3D.bin")))
-    return ColmapModel(cameras, images, points)
+    cameras = dict(_binary_cameras(Bytes(folder / "cameras.bin")))
+    images = list(_binary_images(Bytes(folder / "images.bin")))
+    points = dict(_binary_points(Bytes(folder / "points3D.bin")))
+    return ColmapModel(cameras, images, points, {})
 
 
-def _binary_cameras(file: _Bytes) -> Iterator[tuple[int, ColmapCamera]]:
+def _binary_cameras(file: Bytes) -> Iterator[tuple[int, ColmapCamera]]:
     names = list(MODELS)
     for _ in range(file.whole("Q")):
         number, model, width, height = (int(value) for value in file.take("IiQQ"))
@@ -234,9 +236,9 @@ def _binary_cameras(file: _Bytes) -> Iterator[tuple[int, ColmapCamera]]:
     file.finish()
 
 
-def _binary_images(file: _Bytes) -> Iterator[ColmapImage]:
+def _binary_images(file: Bytes) -> Iterator[ColmapImage]:
     for _ in range(file.whole("Q")):
-        file.whole("I")
+        number_of = file.whole("I")
         values = np.array(file.take("7d"))
         camera, name = file.whole("I"), file.text()
         rows = file.rows(file.whole("Q"), [("x", "<f8"), ("y", "<f8"), ("point", "<u8")])
@@ -245,11 +247,11 @@ def _binary_images(file: _Bytes) -> Iterator[ColmapImage]:
         if not np.isfinite(xy).all():
             raise InputError(f"{file.path}: image {name}: a pixel is not finite")
         points = tuple(used["point"].tolist())
-        yield ColmapImage(name, camera, values[:4], values[4:], xy, points, str(file.path))
+        yield ColmapImage(name, camera, values[:4], values[4:], xy, points, str(file.path), number_of)
     file.finish()
 
 
-def _binary_points(file: _Bytes) -> Iterator[tuple[int, tuple[float, float, float]]]:
+def _binary_points(file: Bytes) -> Iterator[tuple[int, tuple[float, float, float]]]:
     for _ in range(file.whole("Q")):
         number, x, y, z = file.take("Q3d")
         file.take("3B")

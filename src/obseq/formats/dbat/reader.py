@@ -18,9 +18,9 @@ from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
-from obseq.reading.elements import Element, child, content, number, problem, read_xml, text
 from obseq.reading.origin import Origin
 from obseq.reading.tables import number_in, text_of
+from obseq.reading.xml import Element, read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -128,9 +128,9 @@ def read_dbat(path: str | Path) -> BundleAdjustment:
             file and line.
     """
     root = read_xml(Path(path))
-    source = child(root, "input")
+    source = root.first("input")
     if root.name != ROOT or source is None:
-        raise problem(root, "this is no script of DBAT (document with input)")
+        raise root.problem("this is no script of DBAT (document with input)")
     folder = _folder(source, Path(path))
     camera = _camera(source, folder)
     with new_block(path) as block:
@@ -149,7 +149,7 @@ def read_dbat(path: str | Path) -> BundleAdjustment:
 def _folder(source: Element, path: Path) -> Path:
     base = source.attributes.get("base_dir", "$HERE").replace("$HERE", str(path.parent))
     if "$" in base:
-        raise problem(source, f"base_dir {base!r}: only $HERE is known here; replace it by a folder")
+        raise source.problem(f"base_dir {base!r}: only $HERE is known here; replace it by a folder")
     return Path(base)
 
 
@@ -161,9 +161,9 @@ def _tables(holder: Element | None, folder: Path) -> Iterator[tuple[Element, _Ro
 
 def _read(element: Element, folder: Path) -> _Rows:
     columns = tuple(word.strip() for word in element.attributes.get("format", "").split(","))
-    place = folder / text(element)
-    if not text(element) or columns == ("",):
-        raise problem(element, "it needs the name of a file, and format with the names of its columns")
+    place = folder / element.plain
+    if not element.plain or columns == ("",):
+        raise element.problem("it needs the name of a file, and format with the names of its columns")
     rows, lines = [], []
     for index, line in enumerate(text_of(place).splitlines(), 1):
         fields = tuple(word.strip() for word in line.partition("#")[0].split(","))
@@ -182,9 +182,9 @@ def _filtered(holder: Element | None, table: _Rows) -> _Rows:
         if item.name != "filter":
             continue
         wanted = {word.strip() for word in item.attributes.get("id", "").split(",")}
-        if text(item) not in ("keep", "remove"):
-            raise problem(item, f"a filter keeps or removes; not {text(item)!r}")
-        kept = [k for k, name in enumerate(table.texts("id")) if (name in wanted) == (text(item) == "keep")]
+        if item.plain not in ("keep", "remove"):
+            raise item.problem(f"a filter keeps or removes; not {item.plain!r}")
+        kept = [k for k, name in enumerate(table.texts("id")) if (name in wanted) == (item.plain == "keep")]
         table = _Rows(
             table.path,
             table.columns,
@@ -197,7 +197,7 @@ def _filtered(holder: Element | None, table: _Rows) -> _Rows:
 def _require(element: Element, table: _Rows, *columns: str) -> None:
     missing = [column for column in columns if column not in table]
     if missing:
-        raise problem(element, f"its format has no column {missing[0]!r}")
+        raise element.problem(f"its format has no column {missing[0]!r}")
 
 
 def _all_cameras(holder: Element | None, folder: Path) -> Iterator[Element]:
@@ -206,60 +206,60 @@ def _all_cameras(holder: Element | None, folder: Path) -> Iterator[Element]:
         if item.name == "camera":
             yield item
         elif item.name == "file":
-            path = folder / text(item)
+            path = folder / item.plain
             root = read_xml(path)
             if root.name != ROOT or CAMERA_FILE not in root.attributes:
-                raise problem(root, f"no file of cameras ({ROOT} with {CAMERA_FILE})")
-            yield from _all_cameras(child(root, "cameras"), path.parent)
+                raise root.problem(f"no file of cameras ({ROOT} with {CAMERA_FILE})")
+            yield from _all_cameras(root.first("cameras"), path.parent)
 
 
 def _camera(source: Element, folder: Path) -> Camera:
-    cameras = list(_all_cameras(child(source, "cameras"), folder))
+    cameras = list(_all_cameras(source.first("cameras"), folder))
     if len(cameras) != 1:
-        raise problem(source, f"{len(cameras)} cameras: one is read")
+        raise source.problem(f"{len(cameras)} cameras: one is read")
     element = cameras[0]
-    if int(number(element, "model")) != MODEL:
-        raise problem(element, f"camera model {content(element, 'model')}: only {MODEL} is read")
+    if int(element.numeric("model")) != MODEL:
+        raise element.problem(f"camera model {element.content('model')}: only {MODEL} is read")
     width, height = (int(value) for value in _numbers(element, "image", 2))
-    sensor = content(element, "sensor").split(",")
+    sensor = element.content("sensor").split(",")
     tall = _numbers(element, "sensor", 2, ("auto",))[1]
-    pixel, aspect = tall / height, number(element, "aspect", 1.0)
+    pixel, aspect = tall / height, element.numeric("aspect", 1.0)
     if sensor[0].strip() != "auto":
         own = float(_numbers(element, "sensor", 2)[0]) / width / pixel
         if abs(own / aspect - 1.0) > ASPECT:
-            raise problem(
-                element, f"pixels of the sensor are {own:g} times as wide as high; aspect says {aspect:g}"
+            raise element.problem(
+                f"pixels of the sensor are {own:g} times as wide as high; aspect says {aspect:g}"
             )
-    cc, pp = content(element, "cc", "focal"), content(element, "pp", "default")
-    focal = number(element, "focal") if cc == "focal" else number(element, "cc")
+    cc, pp = element.content("cc", "focal"), element.content("pp", "default")
+    focal = element.numeric("focal") if cc == "focal" else element.numeric("cc")
     middle = (width * pixel * aspect / 2.0, height * pixel / 2.0)
     if pp != "default":
         x, y = _numbers(element, "pp", 2)
         middle = (x, y)
-    radial, decentric = (_numbers(element, tag) if child(element, tag) else [] for tag in "KP")
-    if len(radial) > DEGREE[0] or len(decentric) not in (0, 2) or number(element, "skew", 0.0) != 0.0:
-        raise problem(element, "more than K1, K2, K3, P1, P2, or a skew, is not read")
-    name = content(element, "name", "camera")
+    radial, decentric = (_numbers(element, tag) if element.first(tag) else [] for tag in "KP")
+    if len(radial) > DEGREE[0] or len(decentric) not in (0, 2) or element.numeric("skew", 0.0) != 0.0:
+        raise element.problem("more than K1, K2, K3, P1, P2, or a skew, is not read")
+    name = element.content("name", "camera")
     return BrownCamera(name, (width, height), pixel, focal, middle, radial, decentric, aspect).camera()
 
 
 def _numbers(element: Element, tag: str, count: int | None = None, words: Sequence[str] = ()) -> list[float]:
     """The numbers of a list; NaN for words that are allowed instead."""
-    fields = [field.strip() for field in content(element, tag).split(",")]
+    fields = [field.strip() for field in element.content(tag).split(",")]
     try:
         found = [np.nan if field in words else float(field) for field in fields]
         found = [] if "nan" in "".join(fields).lower() else found
     except ValueError:
         found = []
     if any(np.isinf(found)) or len(found) != (count or len(found)) or not found:
-        raise problem(element, f"{tag} should be {count or 'some'} numbers, not {content(element, tag)!r}")
+        raise element.problem(f"{tag} should be {count or 'some'} numbers, not {element.content(tag)!r}")
     return found
 
 
 def _images(source: Element, folder: Path) -> dict[str, str]:
     """Names of images by their numbers."""
     found: dict[str, str] = {}
-    for element, table in _tables(child(source, "images"), folder):
+    for element, table in _tables(source.first("images"), folder):
         _require(element, table, "id", "path")
         found |= dict(zip(table.texts("id"), table.texts("path"), strict=True))
     short = {number: path.replace("\\", "/").rpartition("/")[2] for number, path in found.items()}
@@ -285,39 +285,37 @@ def _sigma(element: Element, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise problem(element, f"the sigma {text!r} is no number") from None
+        raise element.problem(f"the sigma {text!r} is no number") from None
 
 
 def _add_control(block: BundleAdjustment, source: Element, folder: Path) -> None:
-    for element, table in _tables(child(source, "ctrl_pts"), folder):
+    for element, table in _tables(source.first("ctrl_pts"), folder):
         _require(element, table, "id", "x", "y", "z")
         plan = "sxyz" if "sxyz" in table or "sxyz" in element.attributes else "sxy"
         sigmas = _sigmas_of(element, table, (plan, ("sx", "sy")), ("sxyz", ("sz",)))
         places = table.numbers("x", "y", "z")
         if sigmas is not None and sigmas.shape != places.shape:
-            raise problem(element, "sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
+            raise element.problem("sigmas of some coordinates are missing (sx, sy, sz, or sxyz)")
         control = ControlPoints.of(table.texts("id"), places, 0.0 if sigmas is None else sigmas)
         block.add_control_points(control, table.origin)
 
 
 def _note_checks(block: BundleAdjustment, source: Element, folder: Path) -> None:
     """Says which coordinates take no part."""
-    names = [name for _, table in _tables(child(source, "check_pts"), folder) for name in table.texts("id")]
+    names = [name for _, table in _tables(source.first("check_pts"), folder) for name in table.texts("id")]
     note_count(block, names, "check points are free points, whose known coordinates take no part")
 
 
 def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
-    for element, table in _tables(child(source, "image_pts"), folder):
+    for element, table in _tables(source.first("image_pts"), folder):
         _require(element, table, "id", "im", "x", "y")
         sigmas = _sigmas_of(element, table, ("sxy", ("sx", "sy")))
         if sigmas is None:
-            raise problem(
-                element, "the measures have no sigma (sxy, or sx and sy, in format or as attribute)"
-            )
+            raise element.problem("the measures have no sigma (sxy, or sx and sy, in format or as attribute)")
         numbers = table.texts("im")
         lost = [number for number in numbers if number not in names]
         if lost:
-            raise problem(element, f"{table.path}: the image {lost[0]} is not in the list of images")
+            raise element.problem(f"{table.path}: the image {lost[0]} is not in the list of images")
         images = [names[number] for number in numbers]
         points = ImagePoints.of(images, table.texts("id"), table.numbers("x", "y"), sigmas)
         block.add_measures(points, name=table.path.name, origin=table.origin)
@@ -325,7 +323,7 @@ def _add_measures(block: BundleAdjustment, source: Element, folder: Path, names:
 
 def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: dict[str, str]) -> None:
     """Poses that are known beforehand; with sigmas they are observations."""
-    for element, table in _tables(child(source, "prior_eo"), folder):
+    for element, table in _tables(source.first("prior_eo"), folder):
         _require(element, table, "id", "x", "y", "z", "omega", "phi", "kappa")
         images = [names.get(number, number) for number in table.texts("id")]
         angles = np.radians(table.numbers("omega", "phi", "kappa"))
@@ -335,8 +333,7 @@ def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: di
         if not found:
             continue
         if found not in ([*SIGMAS], [*SIGMAS, *TURNS]):
-            raise problem(
-                element,
+            raise element.problem(
                 f"of the sigmas of poses there are {', '.join(found)}: needed are {', '.join(SIGMAS)}, and "
                 f"{', '.join(TURNS)} where angles have them, or none",
             )
@@ -345,28 +342,28 @@ def _add_poses(block: BundleAdjustment, source: Element, folder: Path, names: di
             turns = table.numbers(*TURNS)
             turn = float(np.radians(turns.flat[0]))
             if np.ptp(turns) > 0.0:
-                raise problem(element, "sigmas of angles that differ are not read")
+                raise element.problem("sigmas of angles that differ are not read")
         block.observe_poses(poses, table.numbers(*SIGMAS), turn)
 
 
 def _add_estimates(block: BundleAdjustment, root: Element) -> None:
     """What the bundle estimates: of the camera only what is said to be true; skew never."""
-    operations = child(root, "operations")
+    operations = root.first("operations")
     for operation in operations.children if operations is not None else ():
-        chosen = child(operation, "set_bundle_estimate_params")
+        chosen = operation.first("set_bundle_estimate_params")
         if chosen is None:
             continue
         block.freeze_parameters(".*")
-        for tag, free in _flags(child(chosen, "io")):
+        for tag, free in _flags(chosen.first("io")):
             pattern = PARAMETERS.get(tag)
             if pattern is None:
-                raise problem(
-                    chosen, f"the camera parameter {tag!r} is not known here; known: {', '.join(PARAMETERS)}"
+                raise chosen.problem(
+                    f"the camera parameter {tag!r} is not known here; known: {', '.join(PARAMETERS)}"
                 )
             (block.free_parameters if free else block.freeze_parameters)(pattern)
-        for tag, free in _flags(child(chosen, "eo")):
+        for tag, free in _flags(chosen.first("eo")):
             if tag != "all":
-                raise problem(chosen, "poses are estimated as a whole or not at all here")
+                raise chosen.problem("poses are estimated as a whole or not at all here")
             if not free:
                 block.freeze_centres()
                 block.freeze_rotations()
@@ -376,12 +373,12 @@ def _add_estimates(block: BundleAdjustment, root: Element) -> None:
 def _flags(element: Element | None) -> Iterator[tuple[str, bool]]:
     if element is None:
         return
-    if text(element):
+    if element.plain:
         yield "all", _flag(element)
     yield from ((child.name, _flag(child)) for child in element.children if child.name != "c")
 
 
 def _flag(element: Element) -> bool:
-    if text(element) not in ("true", "false", "default"):
-        raise problem(element, f"true, false or default is expected, not {text(element)!r}")
-    return text(element) == "true"
+    if element.plain not in ("true", "false", "default"):
+        raise element.problem(f"true, false or default is expected, not {element.plain!r}")
+    return element.plain == "true"

@@ -13,6 +13,7 @@ from obseq.errors import InputError
 from obseq.formats.gama.coordinates import COORDINATES, VECTORS, CoordinateWriter
 from obseq.formats.gama.sets import GamaNetwork, matrix_lines, number
 from obseq.formats.gama.values import MILLIMETRE, RADIANS_PER_CC, RADIANS_PER_GON
+from obseq.survey.initial.plan_only import with_plans_only
 from obseq.survey.kinds.coordinates import POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
@@ -117,12 +118,13 @@ class _Writer(CoordinateWriter):
 
     def points(self) -> Iterator[str]:
         """All points, with the components that take part."""
-        points = self.network.points
+        points = with_plans_only(self.network.points, self.book)
         plan, height = self._used()
-        plan |= points.is_free[:, :2].any(axis=1)
-        height |= points.is_free[:, 2]
+        plan |= points.is_unknown[:, :2].any(axis=1)
+        height |= points.is_unknown[:, 2]
         unused = ~(plan | height)
-        plan, height = plan | unused, height | unused
+        plan |= unused & ~points.is_invented[:, :2].any(axis=1)
+        height |= unused & ~points.is_invented[:, 2]
         for row, name in enumerate(points.names):
             yield self._point(row, name, bool(plan[row]), bool(height[row]))
 

@@ -10,11 +10,10 @@ from obseq.dataclass import dataclass
 from obseq.formats.fitted import fitted_camera
 from obseq.formats.metashape.document import floats, label_of, number_of
 from obseq.images.camera import Camera
-from obseq.reading.elements import child, content, problem, text
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.reading.elements import Element
+    from obseq.reading.xml import Element
 
 DEGREE = (3, 1, 1)
 KNOWN = ("f", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2", "b1", "b2")
@@ -52,7 +51,7 @@ def read_sensor(sensor: Element) -> Sensor:
     if _property(sensor, "fixed").lower() in ("true", "1"):
         return Sensor(number, camera, ())
     holders = [sensor, *sensor.named("calibration")]
-    found = [content(item, "params", "") for holder in holders for item in holder.named("covariance")]
+    found = [item.content("params", "") for holder in holders for item in holder.named("covariance")]
     if found and found[-1]:
         names = dict.fromkeys(OURS[word] for word in found[-1].lower().split() if word in OURS)
         return Sensor(number, camera, tuple(names))
@@ -75,12 +74,12 @@ def _camera(sensor: Element) -> Camera:
     name = f"{label_of(sensor)} {sensor.attributes.get('id', '')}".strip()
     kind = sensor.attributes.get("type", "frame")
     if kind != "frame":
-        raise problem(sensor, f"a camera of type {kind} is not read; only frame is")
+        raise sensor.problem(f"a camera of type {kind} is not read; only frame is")
     if any("rolling_shutter" in item.name for item in sensor.children):
-        raise problem(sensor, "a camera with rolling shutter is not read")
-    frame = child(sensor, "resolution")
+        raise sensor.problem("a camera with rolling shutter is not read")
+    frame = sensor.first("resolution")
     if frame is None:
-        raise problem(sensor, "it has no resolution")
+        raise sensor.problem("it has no resolution")
     size = (int(number_of(frame, "width")), int(number_of(frame, "height")))
     calibration = _calibration(sensor)
     if calibration is None:
@@ -97,14 +96,14 @@ def _calibration(sensor: Element) -> Element | None:
 
 def _values(calibration: Element) -> dict[str, float]:
     """The parameters of a calibration, by name; those that are zero may have any."""
-    given = {item.name: item for item in calibration.children if text(item) and item.name != "resolution"}
-    values = {name: floats(item, text(item), 1)[0] for name, item in given.items()}
+    given = {item.name: item for item in calibration.children if item.plain and item.name != "resolution"}
+    values = {name: floats(item, item.plain, 1)[0] for name, item in given.items()}
     known = OLD if "fx" in values else KNOWN
     for name, value in values.items():
         if name not in known and value != 0.0:
-            raise problem(given[name], f"the parameter {name} has no place in our cameras")
+            raise given[name].problem(f"the parameter {name} has no place in our cameras")
     if "f" not in values and not {"fx", "fy", "cx", "cy"} <= values.keys():
-        raise problem(calibration, "it has no focal length (f)")
+        raise calibration.problem("it has no focal length (f)")
     return values
 
 
@@ -114,7 +113,7 @@ def _of_photoscan(calibration: Element, name: str, size: tuple[int, int], values
     What p1 and p2 stood for then differs between its versions, so that only cameras without them are read.
     """
     if values.get("p1", 0.0) or values.get("p2", 0.0):
-        raise problem(calibration, "p1 and p2 beside fx and fy are ambiguous; export it anew")
+        raise calibration.problem("p1 and p2 beside fx and fy are ambiguous; export it anew")
     shift = np.array([values["cx"], values["cy"]]) - np.array(size) / 2.0
     same = {"f": values["fy"], "cx": shift[0], "cy": shift[1]}
     affine = {"b1": values["fx"] - values["fy"], "b2": values.get("skew", 0.0)}
@@ -143,6 +142,6 @@ def _nominal(sensor: Element, name: str, size: tuple[int, int]) -> Camera:
     """A camera that was never calibrated: its focal length and its pixels in millimetres."""
     properties = {item.attributes.get("name"): item for item in sensor.children if item.name == "property"}
     if not {"focal_length", "pixel_width"} <= properties.keys():
-        raise problem(sensor, "it has neither a calibration, nor focal_length and pixel_width")
+        raise sensor.problem("it has neither a calibration, nor focal_length and pixel_width")
     focal, pixel = (number_of(properties[key], "value") for key in ("focal_length", "pixel_width"))
     return Camera(name, *size, focal / pixel, degree=DEGREE)

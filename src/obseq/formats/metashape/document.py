@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.reading.elements import Element, problem, read_xml, xml_of
+from obseq.reading.xml import Element, read_xml, xml_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +31,7 @@ def _archived(path: Path) -> Element:
     inside = root.attributes.get("path", "").replace("{projectname}", path.stem)
     archive = path.parent / inside
     if not inside or not archive.is_file():
-        raise problem(root, f"the files of the project ({inside or 'no path'}) are not beside it")
+        raise root.problem(f"the files of the project ({inside or 'no path'}) are not beside it")
     document = xml_of(_member(archive), f"{archive}:doc.xml")
     places = [item.attributes.get("path", "") for item in items(document, "chunks", "chunk")]
     chunks = [xml_of(_member(archive.parent / place), str(archive.parent / place)) for place in places]
@@ -54,11 +54,11 @@ def chunk_of(root: Element, wanted: str | None) -> Element:
     found += items(root, "chunks", "chunk")
     labels = [item.attributes.get("label", "") for item in found]
     if not found:
-        raise problem(root, "there is no chunk: export cameras (XML) or markers from Metashape")
+        raise root.problem("there is no chunk: export cameras (XML) or markers from Metashape")
     if wanted is None and len(found) > 1:
-        raise problem(root, f"there are {len(found)} chunks: choose one of {', '.join(labels)}")
+        raise root.problem(f"there are {len(found)} chunks: choose one of {', '.join(labels)}")
     if wanted is not None and wanted not in labels:
-        raise problem(root, f"there is no chunk {wanted!r}, but {', '.join(labels)}")
+        raise root.problem(f"there is no chunk {wanted!r}, but {', '.join(labels)}")
     return found[labels.index(wanted)] if wanted is not None else found[0]
 
 
@@ -76,7 +76,7 @@ def label_of(element: Element) -> str:
     """What a thing is called."""
     label = element.attributes.get("label", "")
     if not label:
-        raise problem(element, "it has no label")
+        raise element.problem("it has no label")
     return label
 
 
@@ -87,7 +87,7 @@ def floats(element: Element, text: str, count: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not np.isfinite(values).all():
-        raise problem(element, f"{count} finite numbers are expected, not {text[:60]!r}")
+        raise element.problem(f"{count} finite numbers are expected, not {text[:60]!r}")
     return values
 
 

@@ -31,7 +31,6 @@ from obseq.geometry import closest_rotation
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
-from obseq.reading.elements import child, content, problem, text
 from obseq.reading.origin import Origin
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from obseq.formats.metashape.cameras import Sensor
     from obseq.images.bundle import BundleAdjustment
     from obseq.images.camera import Camera
-    from obseq.reading.elements import Element
+    from obseq.reading.xml import Element
 
 LOCAL = "LOCAL_CS"
 
@@ -121,7 +120,7 @@ def _note_unknowns(block: BundleAdjustment, sensors: list[Sensor]) -> None:
 def _world(root: Element, markers: list[Element]) -> _World:
     """The frame of the block: local where the chunk is, a tangent frame where its system is on the Earth."""
     places = _places(root)
-    definition = next((text(item) for item in root.children if item.name == "reference"), "")
+    definition = next((item.plain for item in root.children if item.name == "reference"), "")
     if not definition or definition.startswith(LOCAL):
         return _World(places, "LocalNONE", None)
     reference = crs.parse(definition)
@@ -146,7 +145,7 @@ def _places(root: Element) -> dict[str, Similarity]:
     lost = [item for item, transform in own if transform is None]
     whole = _transform(root)
     if len(lost) > 1 or (whole is None and lost and len(components) > 1):
-        raise problem(lost[0], "the chunk has components that are not placed to one another")
+        raise lost[0].problem("the chunk has components that are not placed to one another")
     found = {
         item.attributes.get("id", ""): _similarity(transform)
         for item, transform in own
@@ -162,19 +161,19 @@ def _transform(holder: Element) -> Element | None:
 def _similarity(transform: Element | None) -> tuple[float, FloatArray, FloatArray]:
     if transform is None:
         return 1.0, np.eye(3), np.zeros(3)
-    scale = floats(transform, content(transform, "scale", "1"), 1)[0]
-    rotation = np.array(floats(transform, content(transform, "rotation", "1 0 0 0 1 0 0 0 1"), 9)).reshape(
+    scale = floats(transform, transform.content("scale", "1"), 1)[0]
+    rotation = np.array(floats(transform, transform.content("rotation", "1 0 0 0 1 0 0 0 1"), 9)).reshape(
         3, 3
     )
-    shift = np.array(floats(transform, content(transform, "translation", "0 0 0"), 3))
+    shift = np.array(floats(transform, transform.content("translation", "0 0 0"), 3))
     if not scale > 0.0 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
-        raise problem(transform, "the transform of the chunk is no similarity")
+        raise transform.problem("the transform of the chunk is no similarity")
     return scale, rotation, shift
 
 
 def _reference(element: Element) -> list[float] | None:
     """Enabled reference coordinates of a marker."""
-    reference = child(element, "reference")
+    reference = element.first("reference")
     if reference is None or not _has_reference(element) or not is_enabled(reference):
         return None
     return [number_of(reference, axis) for axis in "xyz"]
@@ -182,7 +181,7 @@ def _reference(element: Element) -> list[float] | None:
 
 def _has_reference(element: Element) -> bool:
     """Whether a marker has reference coordinates, enabled or not."""
-    reference = child(element, "reference")
+    reference = element.first("reference")
     return reference is not None and {"x", "y", "z"} <= reference.attributes.keys()
 
 
@@ -198,12 +197,12 @@ def _add_images(
     for key, camera in used.items():
         sensor = camera.attributes.get("sensor_id", "")
         if sensor not in sensors:
-            raise problem(camera, f"its sensor {sensor!r} is not there")
-        transform = child(camera, "transform")
+            raise camera.problem(f"its sensor {sensor!r} is not there")
+        transform = camera.first("transform")
         if transform is None:
             block.add_images([images[key]], sensors[sensor].name)
             continue
-        matrix = np.array(floats(transform, text(transform), 16)).reshape(4, 4)
+        matrix = np.array(floats(transform, transform.plain, 16)).reshape(4, 4)
         centre, rotation = world.placed(camera, matrix)
         names.append(images[key])
         owners.append(sensors[sensor].name)
@@ -230,13 +229,13 @@ def _note_others(block: BundleAdjustment, cameras: dict[str, Element]) -> None:
     led = [
         label_of(camera)
         for camera in cameras.values()
-        if "master_id" in camera.attributes and child(camera, "transform") is None
+        if "master_id" in camera.attributes and camera.first("transform") is None
     ]
     note_count(block, led, "images of rigid cameras are placed by their masters, which is not read")
 
 
 def _setting(root: Element, name: str) -> float | None:
-    settings = child(root, "settings")
+    settings = root.first("settings")
     for item in settings.children if settings is not None else ():
         if item.attributes.get("name") == name:
             return number_of(item, "value")
@@ -254,11 +253,11 @@ def _add_control(
         place = _reference(marker)
         if place is None:
             continue
-        reference = child(marker, "reference")
+        reference = marker.first("reference")
         assert reference is not None
         own = _accuracy(reference, default)
         if own is None:
-            raise problem(reference, "the accuracy of the marker is not said; give a sigma of control points")
+            raise reference.problem("the accuracy of the marker is not said; give a sigma of control points")
         names.append(label_of(marker))
         lines.append(reference.line)
         places.append(place)
@@ -303,11 +302,11 @@ def _add_measures(
         for marker in items(frame, "markers", "marker"):
             key = marker.attributes.get("marker_id", "")
             if key not in names:
-                raise problem(marker, f"the marker {key!r} is not in the list of markers")
+                raise marker.problem(f"the marker {key!r} is not in the list of markers")
             for place in marker.named("location"):
                 number = place.attributes.get("camera_id", "")
                 if number not in cameras:
-                    raise problem(place, f"the camera {number!r} is not in the list of cameras")
+                    raise place.problem(f"the camera {number!r} is not in the list of cameras")
                 if not _is_measured(place):
                     predicted.append(f"{names[key]} in {cameras[number]}")
                 elif number in images:
@@ -316,7 +315,7 @@ def _add_measures(
     note_count(block, predicted, "projections were not measured (not pinned, or not valid) and are left out")
     spread = sigma if sigma is not None else _setting(root, "accuracy_projections")
     if spread is None:
-        raise problem(root, "the accuracy of image measures is not said; give an image sigma")
+        raise root.problem("the accuracy of image measures is not said; give an image sigma")
     if rows:
         xy = np.array([row[2:4] for row in rows], dtype=np.float64)
         points = ImagePoints.of([row[0] for row in rows], [row[1] for row in rows], xy, spread)
@@ -333,7 +332,7 @@ def _is_measured(place: Element) -> bool:
 def _add_scale_bars(block: BundleAdjustment, root: Element, names: dict[str, str]) -> None:
     off: list[str] = []
     for bar in items(root, "scalebars", "scalebar"):
-        reference = child(bar, "reference")
+        reference = bar.first("reference")
         if reference is None or "distance" not in reference.attributes:
             continue
         if not is_enabled(reference):
@@ -342,7 +341,7 @@ def _add_scale_bars(block: BundleAdjustment, root: Element, names: dict[str, str
         ends = [bar.attributes.get(key, "") for key in ("marker_1_id", "marker_2_id")]
         ends = ends if all(ends) else [bar.attributes.get(f"{key}_id", "") for key in ("start", "end")]
         if not set(ends) <= names.keys():
-            raise problem(bar, "its ends are not markers")
+            raise bar.problem("its ends are not markers")
         accuracy = number_of(reference, "accuracy", _setting(root, "accuracy_scalebars"))
         block.add_length(names[ends[0]], names[ends[1]], number_of(reference, "distance"), accuracy)
     note_count(block, off, "scale bars are not enabled")

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import re
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from obseq.formats.default_sigmas import ANGLES
 from obseq.formats.tables.clusters import Member
+from obseq.reading.tables import DECIMAL_COMMA, Rows
 from obseq.reading.text import LEAST_SIGMA, quoted
 from obseq.records.shown_units import METRES, ShownUnits
-from obseq.spreadsheets import text_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,10 +26,6 @@ DEGREES = frozenset({"deg", "sec", "arcsec"})
 CORRELATING = ("covariances", "correlations")
 CLUSTERED = ("cluster", *CORRELATING)
 """Columns of correlated rows: what they have in common, and the covariances with the rows before."""
-_TOLD = re.compile(r"sep=(.)", re.IGNORECASE)
-"""First line of spreadsheets that says what separates cells."""
-_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
-"""A number as many countries write it, where commas do not separate cells."""
 
 
 def shown_in(names: frozenset[str]) -> ShownUnits:
@@ -54,85 +47,39 @@ class Table:
 
     def __init__(self, file: TextFile) -> None:
         self.file, self.units = file, set[str]()
-        self._head = next(k for k, line in enumerate(file.lines) if line.strip())
-        told = _TOLD.fullmatch(file.lines[self._head].strip())
-        if told:
-            self._head = min(self._head + 1, len(file.lines) - 1)
-        head = file.lines[self._head]
-        self.separator = told[1] if told else max(",;\t", key=head.count)
-        names = [name.strip().lower() for name in self._split(self._head, head)]
-        self._width = len(names)
-        while names and not names[-1]:  # as spreadsheets write columns that were emptied
-            names.pop()
-        self.columns = {name: place for place, name in enumerate(names)}
-        if len(self.columns) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise file.error(
-                self._head, f"two columns have the name {quoted(twice)} (capitals make no difference)"
-            )
+        self._rows = Rows(file.lines, file.error)
+        self.columns = {name: place for place, name in enumerate(self._rows.names)}
 
     def check(self, wanted: tuple[str, ...], more: tuple[str, ...]) -> None:
         """Refuses columns that are missing or unknown."""
         missing = [name for name in wanted if name not in self.columns]
         unknown = [name for name in self.columns if name not in (*wanted, *more)]
         if missing:
-            raise self.file.error(self._head, f"column {missing[0]} is missing")
+            raise self.file.error(self._rows.head, f"column {missing[0]} is missing")
         if unknown:
             known = ", ".join((*wanted, *more))
-            raise self.file.error(self._head, f"column {quoted(unknown[0])} is unknown; there are {known}")
+            raise self.file.error(
+                self._rows.head, f"column {quoted(unknown[0])} is unknown; there are {known}"
+            )
 
     def check_rows(self) -> None:
         """Refuses a table of which there are only the names of columns."""
-        if not any(line.strip(self._blank) for line in self.file.lines[self._head + 1 :]):
+        if next(iter(self._rows), None) is None:
             raise self.file.error(
-                self._head, "the table holds no row below the names of its columns; add its rows"
+                self._rows.head, "the table holds no row below the names of its columns; add its rows"
             )
 
     def rows(self) -> Iterator[tuple[int, dict[str, str]]]:
         """Line (from 0) and cells by column of each row."""
-        for index, line in enumerate(self.file.lines[self._head + 1 :], start=self._head + 1):
-            if not line.strip(self._blank):
-                continue
-            cells = self._split(index, line)
-            if len(cells) != len(self.columns) and not self._is_padded(cells):
-                raise self.file.error(index, self._miscounted(cells))
-            yield index, {name: text_in(cells[place].strip()) for name, place in self.columns.items()}
-
-    @property
-    def _blank(self) -> str:
-        """What lines without a cell consist of."""
-        return f"{self.separator} \t"
-
-    def _is_padded(self, cells: list[str]) -> bool:
-        """Whether all that a row has too much are empty cells at its end, as spreadsheets write them."""
-        is_surplus_empty = len(cells) > len(self.columns) and not any(
-            map(str.strip, cells[len(self.columns) :])
-        )
-        return is_surplus_empty and (len(cells) == self._width or not self._has_decimal_commas(cells))
-
-    def _has_decimal_commas(self, cells: list[str]) -> bool:
-        """Whether a comma between cells may be one within a number."""
-        parts = pairwise(cell.strip().lstrip("+-") for cell in cells)
-        return self.separator == "," and any(a.isdigit() and b.isdigit() for a, b in parts)
-
-    def _miscounted(self, cells: list[str]) -> str:
-        """What is said of a row of too few or too many cells."""
-        is_likely = len(cells) > len(self.columns) and self._has_decimal_commas(cells)
-        hint = "; the comma separates cells: write decimals with a point" if is_likely else ""
-        return f"{len(cells)} cells for {len(self.columns)} columns{hint}"
-
-    def _split(self, index: int, line: str) -> list[str]:
-        try:
-            return next(csv.reader([line], delimiter=self.separator))
-        except csv.Error as error:
-            raise self.file.error(index, f"this is no row of a table: {error}") from error
+        for index, cells in self._rows:
+            yield index, dict(zip(self.columns, cells, strict=True))
 
     def number(self, index: int, cells: dict[str, str], column: str, default: float | None = None) -> float:
         """The number in a cell; the default when it is empty or the column is not there."""
         text = cells.get(column, "")
         if not text and default is not None:
             return default
-        if self.separator != "," and _DECIMAL_COMMA.fullmatch(text):
+        if self._rows.separator != "," and DECIMAL_COMMA.fullmatch(text):
             text = text.replace(",", ".")
         return self.file.number(index, text, f"column {column}: {{}}")
 

@@ -10,6 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.images.adjustment.clinometer_equations import ClinometerEquations
 from obseq.images.adjustment.far_points import viewpoints
+from obseq.images.adjustment.reference_equations import AntennaEquations, shutters_of
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
 from obseq.images.names import are_among, expression, index_of, no_parameter
 
@@ -26,6 +27,8 @@ CONTROL = "control points"
 LENGTHS = "lengths"
 POSES = "observed poses"
 PARAMETERS = "observed parameters"
+ROLLING = ("EqColinearityCamPPC_", "EqColinearityRolling_")
+"""How the name of an equation becomes that of a shutter that rolls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,8 @@ class Equations:
         points: block of every point.
         measures: the batches of image points.
         control: batch of the coordinates of control points, and (n, 2) their point and component.
+        antennas: receivers that cameras carry.
+        shutters: that roll.
         rigid: rigid blocks.
         clinometers: the clinometers; None where nothing was read.
         eliminated: blocks of the points that are taken out of the normal equations first.
@@ -68,6 +73,7 @@ class Equations:
         self._add_calibrations()
         self.points = system.add_points(start.points, start.coordinates)
         self._freeze()
+        self.shutters = shutters_of(system, block, images)
         self.measures = [
             found for number, part in enumerate(start.sets) for found in self._add_measures(number, part)
         ]
@@ -76,6 +82,7 @@ class Equations:
         for observed in block.pose_observations:
             self._observe_poses(observed)
         poses = self.centres, self.rotations
+        self.antennas = [AntennaEquations(system, one, images, poses) for one in block.antennas]
         self.rigid = [RigidEquations(system, rigid, images, poses) for rigid in block.rigid_blocks]
         self.clinometers: ClinometerEquations | None = None
         if block.instruments.inclinations:
@@ -90,6 +97,7 @@ class Equations:
     def instruments(self) -> list[IntArray]:
         """Blocks of unknowns of what carries the cameras, one array for each kind."""
         found = [ids for part in self.rigid for ids in (part.centres, part.rotations)]
+        found += [part.lever for part in self.antennas] + [part.readout for part in self.shutters]
         if self.clinometers is not None:
             found += [self.clinometers.vertical, self.clinometers.axes, self.clinometers.corrections]
         return found
@@ -182,8 +190,8 @@ class Equations:
     def _add_measures(self, number: int, part: NumberedSet) -> list[MeasureBatch]:
         """One batch per camera model."""
         rows = part.rows
-        formulas = [camera.formula for camera in self.start.cameras]
-        equations = {camera.formula: camera.equation for camera in self.start.cameras}
+        kinds = [self._equation_of(image) for image in range(len(self.start.cameras))]
+        formulas, equations = [name for name, _ in kinds], dict(kinds)
         if len(equations) == 1:
             chosen = [(formula, rows) for formula in equations.values()]
         else:
@@ -195,6 +203,14 @@ class Equations:
             if here.size
         ]
 
+    def _equation_of(self, image: int) -> tuple[str, str | Kernel]:
+        """The equation of the points of an image, and a name; that of a rolling shutter is of its own."""
+        camera = self.start.cameras[image]
+        if any(image in shutter.row_of for shutter in self.shutters):
+            name = camera.formula.replace(*ROLLING)
+            return f"{name} {camera.name}", name
+        return camera.formula, camera.equation
+
     def _add_batch(self, formula: str | Kernel, part: NumberedSet, rows: IntArray) -> Batch:
         measures, weighting = part.given.measures, part.given.weighting
         chosen = slice(None) if rows is part.rows and part.is_in_order else rows
@@ -205,10 +221,16 @@ class Equations:
             "camera.rotation": self.rotations[image],
             "calibration": self._calibration_of_image[image],
         }
+        observed = measures.xy[chosen]
+        for shutter in self.shutters:
+            if shutter.row_of.get(int(image[0])) is not None:
+                height = self.block.cameras[shutter.shutter.name].height
+                observed = shutter.observations(observed, image, height)
+                blocks["readout"] = np.repeat(shutter.readout, len(image))
         return self.system.add(
             formula,
             blocks,
-            measures.xy[chosen],
+            observed,
             measures.sigmas[chosen],
             lambda row: measures.label(int(rows[row])),
             part.given.name,

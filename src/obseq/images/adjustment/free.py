@@ -132,6 +132,8 @@ def _move_back(
         raise InputError(_too_little(datum, str(error))) from None
     for ids in (equations.centres, equations.points):
         system.set_values(ids, motion.centre + scale * system.values(ids) @ motion.rotation.T)
+    for part in equations.rigid:
+        system.set_values(part.centres, scale * system.values(part.centres))
     _turn(equations, motion)
 
 
@@ -178,6 +180,8 @@ def _floats(equations: Equations) -> bool:
     tied: list[Sized] = [
         block.surveys,
         block.pose_observations,
+        block.antennas,
+        block.shutters,
         block.instruments.inclinations if block.instruments.vertical_is_free else (),
         block.fixed_centres,
         block.fixed_rotations,
@@ -196,4 +200,5 @@ def _axis(equations: Equations) -> FloatArray | None:
 
 
 def _has_scale(equations: Equations) -> bool:
-    return bool(equations.block.lengths.values or equations.block.rigid_blocks)
+    block = equations.block
+    return bool(block.lengths.values) or any(rigid.has_scale for rigid in block.rigid_blocks)

@@ -12,6 +12,7 @@ from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
 from obseq.images.adjustment.far_points import are_far
 from obseq.images.adjustment.quality import measure_reliability
+from obseq.images.adjustment.referenced import Referenced
 from obseq.images.adjustment.rigid_equations import residuals_of
 from obseq.images.adjustment.weakness import weakness
 from obseq.images.names import index_of
@@ -71,7 +72,7 @@ class Statistics:
     Attributes:
         names: what each row is about.
         counts: (n,) measures.
-        rms: (n,) quadratic mean of the lengths of residuals, pixels.
+        rms: (n,) quadratic mean of residuals per coordinate, pixels.
         largest: (n,) longest residual, pixels.
         mean: (n, 2) mean residual, pixels.
     """
@@ -84,7 +85,7 @@ class Statistics:
 
 
 @dataclass(frozen=True, eq=False)
-class BundleSolution:
+class BundleSolution(Referenced):
     """An adjusted block; everything belongs to the same, final, state.
 
     Precisions are a posteriori (scaled by sigma0^2) where there is redundancy, else a priori.
@@ -349,7 +350,7 @@ class BundleSolution:
         largest = np.zeros(n)
         np.maximum.at(largest, owner, found.norms)
         mean = np.column_stack([np.bincount(owner, found.residuals[:, k], n) for k in (0, 1)])
-        return Statistics(names, counts, np.sqrt(squares / divisor), largest, mean / divisor[:, None])
+        return Statistics(names, counts, np.sqrt(squares / (2 * divisor)), largest, mean / divisor[:, None])
 
     @cached_property
     def is_far(self) -> BoolArray:

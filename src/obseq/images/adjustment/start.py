@@ -21,7 +21,7 @@ from obseq.images.poses import Poses
 from obseq.images.visibility import are_in_front
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.block import Block
@@ -199,12 +199,22 @@ def _unmeasured(block: Block, names: Sequence[str]) -> tuple[LeftOut, ...]:
 def _at_observed_centres(block: Block, poses: Poses) -> Poses:
     """The poses, with the centres that are observed much better than they are given."""
     centres = poses.centres.copy()
-    for part in block.pose_observations:
-        rows = index_of(poses.images, part.poses.images, "observed poses: image")
-        off = np.abs(part.poses.centres - centres[rows])
-        far = (off > FAR_OFF * part.centre_sigmas).any(axis=1) & np.isfinite(part.centre_sigmas).all(axis=1)
-        centres[rows[far]] = part.poses.centres[far]
+    for images, observed, sigmas in _observed_centres(block, poses):
+        rows = index_of(poses.images, images, "observed poses: image")
+        far = (np.abs(observed - centres[rows]) > FAR_OFF * sigmas).any(axis=1)
+        far &= np.isfinite(sigmas).all(axis=1)
+        centres[rows[far]] = observed[far]
     return Poses(poses.images, centres, poses.rotations, poses.cameras)
+
+
+def _observed_centres(block: Block, poses: Poses) -> Iterator[tuple[Sequence[str], FloatArray, FloatArray]]:
+    """Images, their observed centres and the sigmas of these; none of an antenna whose place is unknown."""
+    for part in block.pose_observations:
+        yield part.poses.images, part.poses.centres, part.centre_sigmas
+    for antenna in (one.of(poses.images) for one in block.antennas):
+        if np.isfinite(antenna.lever_sigmas).all():
+            turns = poses.select(antenna.images).rotations
+            yield antenna.images, antenna.centres(turns), np.hypot(antenna.sigmas, antenna.lever_sigmas.max())
 
 
 def _images(block: Block) -> tuple[list[str], list[LeftOut]]:

@@ -12,9 +12,10 @@ from obseq.errors import InputError
 from obseq.survey.adjustment.equations import Equations
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.images.adjustment.equations import Equations as BlockEquations
     from obseq.images.adjustment.start import Start
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
     from obseq.survey import InitialValues, Network
@@ -47,7 +48,8 @@ class JoinedSurvey:
 def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list[InitialValues]]:
     """The start of a block, completed by survey networks, and their own initial values.
 
-    What the images place serves the networks as approximations, and the other way round.
+    What the images place serves the networks as approximations, and the other way round. A point of a network
+    that is called like an image is its projection centre.
 
     Raises:
         InputError: a network cannot be placed, or a point of the block has no coordinates in the end.
@@ -60,10 +62,17 @@ def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list
         row_of = {name: row for row, name in enumerate(start.points)}
         shared = [(row, row_of[name]) for row, name in enumerate(network.points.names) if name in row_of]
         known = network.points.coordinates.copy()
+        centre_of = dict(zip(start.poses.images, start.poses.centres, strict=True))
+        for own, name in enumerate(network.points.names):
+            if name in centre_of:
+                known[own] = centre_of[name]
         for own, other in shared:
             if not np.isfinite(known[own]).all():
                 known[own] = coordinates[other]
-        found = replace(network, points=replace(network.points, coordinates=known)).initial_values()
+        # all heights are unknowns: the images may observe those that the survey does not
+        work = replace(network.fieldwork, points=replace(network.points, coordinates=known))
+        found = work.initial_values()
+        found.require_complete()
         for own, other in shared:
             if not np.isfinite(coordinates[other]).all():
                 coordinates[other] = found.coordinates[own]
@@ -75,6 +84,12 @@ def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list
             "measure it in two images, or give approximate coordinates"
         )
     return replace(start, coordinates=coordinates), initial
+
+
+def places_in(start: Start, equations: BlockEquations) -> Iterator[tuple[str, int]]:
+    """Names and blocks of the points and the projection centres of a block in its system."""
+    yield from zip(start.points, map(int, equations.points), strict=True)
+    yield from zip(start.poses.images, map(int, equations.centres), strict=True)
 
 
 def join_surveys(

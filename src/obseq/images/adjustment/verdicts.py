@@ -103,7 +103,7 @@ def check_scale(block: Block, datum: str | Sequence[str]) -> None:
     """Refuses rigid blocks of unknown size without a scale: the world would shrink for their sake."""
     has_scale = datum == "control" or block.lengths.values or block.surveys
     for part in block.rigid_blocks:
-        if not (has_scale or part.is_fixed or part.observed_places.keys() - {part.master}):
+        if not (has_scale or part.is_exact or part.is_fixed or part.observed_places.keys() - {part.master}):
             raise InputError(
                 f"rigid block {part.name}: its sigmas are in the unit of the world, and nothing gives "
                 "the block a scale; add a length, or take the places of the cameras as known (is_fixed) "

@@ -38,6 +38,7 @@ def known_beside_points(block: Block, start: Start) -> int:
     fixed = [*block.fixed_centres, *block.fixed_rotations]
     held = 3 * sum(bool(pattern.fullmatch(image)) for pattern in fixed for image in images)
     observed = 6 * sum(len(part.poses) for part in block.pose_observations)
+    observed += 3 * sum(len(set(part.images) & set(images)) for part in block.antennas)
     read = sum(len(part.images) for part in block.instruments.inclinations)
     return held + observed + read + len(block.lengths.values)
 

@@ -105,7 +105,7 @@ def _of_good(
 ) -> DiagnosisRecord:
     """What residuals of a block that fits do not show: poses of other images, units, sizes of images."""
     assert subject.solution is not None
-    observed = bool(subject.block.pose_observations)
+    observed = bool(subject.block.pose_observations or subject.block.antennas)
     poses = compared(subject.solution.poses, subject.given, observed)
     if poses.images:
         accused = AccusedRecord(GIVEN_POSES.code, poses.said, images=poses.images, text=poses.said)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 UPPER = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Where the entries of a 3 by 3 covariance are among the six that a record holds."""
+GRID = 17
+"""Points of a line of the grid that shows a distortion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,22 @@ def suspected_measures(record: BundleRecord) -> BoolArray:
     accused = () if record.diagnosis is None else record.diagnosis.accused
     marked[[place.row for one in accused for place in one.observations]] = True
     return marked
+
+
+def frame_of(size: tuple[int, int], xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Corner and size of the image in pixels; of the measures where the camera has no size."""
+    if size[0]:
+        return np.zeros(2), np.array(size, dtype=np.float64)
+    reach = np.abs(xy).max(axis=0, initial=1.0)
+    return -reach, 2.0 * reach
+
+
+def grid_of(size: tuple[int, int], focal: float) -> FloatArray:
+    """(289, 2) points of a regular grid of the image, in pixels."""
+    corner, reach = frame_of(size, np.full((1, 2), 2.0 * focal))
+    ticks = [np.linspace(corner[k], corner[k] + reach[k], GRID) for k in (0, 1)]
+    x, y = np.meshgrid(*ticks)
+    return np.column_stack([x.ravel(), y.ravel()])
 
 
 def interior(camera: CameraRecord) -> tuple[float, tuple[float, float]]:

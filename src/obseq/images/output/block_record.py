@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
+from obseq.images.output.references import AntennaRecord, CheckPointRecord, ShutterRecord
 from obseq.images.output.shares import LARGE, Owners, RejectedShare, rejected_shares
 from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
 from obseq.images.output.testing import BlockReliabilityRecord
@@ -164,6 +165,8 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         weak: what the observations hardly determine, so that there are no precisions; else empty.
         failures: what should explain the result, and failed: nobody has looked.
         far: points whose rays do not tell how far they are; they may be behind their cameras.
+        unchecked: check points that are in no image, or could not be placed.
+        frame: definition of the frame, where it is on the Earth; else empty.
     """
 
     n_observations: int
@@ -195,6 +198,11 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     weak: str = ""
     failures: tuple[str, ...] = ()
     far: tuple[str, ...] = ()
+    antennas: tuple[AntennaRecord, ...] = ()
+    shutters: tuple[ShutterRecord, ...] = ()
+    check_points: tuple[CheckPointRecord, ...] = ()
+    unchecked: tuple[str, ...] = ()
+    frame: str = ""
     format: str = FORMAT
     version: int = VERSION
 
@@ -207,7 +215,8 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         is_clean = not (self.left_out or self.behind or self.suspects or self.weak)
         is_clean = is_clean and (self.diagnosis is None or self.diagnosis.is_quiet)
         is_determined = len(self.far) < LARGE * max(len(self.points), 1)
-        is_known = is_determined and not self.failures
+        is_known = is_determined and not (self.failures or self.unchecked)
+        is_known = is_known and not any(point.is_off for point in self.check_points)
         return self.converged and is_clean and is_known and not self.rejected_shares
 
     @property

@@ -1,4 +1,4 @@
-"""The report of an adjusted block as one HTML page that needs nothing else."""
+"""The page of an adjusted block: one page for networks and blocks, made of the record of the block."""
 
 from __future__ import annotations
 
@@ -6,244 +6,359 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.output.arrays import arrays_of, interior, suspected_measures
-from obseq.images.output.control_page import BAD, MOST_ROWS, instruments, largest_tests, reliability, table
-from obseq.images.output.drawings import arrows, grid_of, histogram, radial_profile, undistorted_grid
-from obseq.images.output.summary import by_reason, suspected, tested
-from obseq.images.output.views import plan_and_side
-from obseq.report.html import escaped
+from obseq.images.output.arrays import arrays_of, suspected_measures
+from obseq.images.output.page_charts import cameras, frames
+from obseq.images.output.page_plan import plan
+from obseq.images.output.page_tables import tables
+from obseq.images.output.summary import tested
+from obseq.printable import listed
+from obseq.report.head import (
+    WORDS,
+    Card,
+    Finding,
+    Findings,
+    Page,
+    Place,
+    Section,
+    Verdict,
+    counted,
+    gauge,
+    joined,
+    shares,
+    strip,
+)
+from obseq.report.page import about, document, printed
+from obseq.report.said import name, small
+from obseq.report.units import significant
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
-    from obseq.arrays import BoolArray, FloatArray
     from obseq.images.output.arrays import BlockArrays
-    from obseq.images.output.block_record import BundleRecord, CameraRecord
+    from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord
+    from obseq.records.diagnosis import AccusedRecord
+    from obseq.report.head import Level
 
-MOST_IMAGES = 60
-"""Images with a drawing of their own."""
-HALF = 0.5
-"""Weight below which a measure is listed as weakened."""
-SMALL = 220.0
+MOST_NAMES = 8
 STRONG = 0.95
-STYLE = """
-:root{color-scheme:light dark;--line:#888;--ink:#1f77b4;--second:#d95f02;--bad:#b02a1c}
-@media(prefers-color-scheme:dark){:root{--ink:#6db3e8;--second:#ff9a4d;--bad:#ff9184}}
-body{font:15px system-ui,sans-serif;margin:1rem auto;max-width:64rem;padding:0 1rem}
-main{display:flex;flex-wrap:wrap;gap:1rem}figure{margin:0;max-width:100%}figcaption{font-size:.85em}
-svg{max-width:100%;height:auto;font:11px system-ui,sans-serif}svg text{fill:currentColor}
-table{border-collapse:collapse;font-size:.85em}td,th{padding:.1rem .5rem;text-align:right}
-td:first-child,th:first-child{text-align:left}tr:nth-child(even){background:#8882}
-.scroll{overflow:auto;max-height:28rem}.bad{color:var(--bad);font-weight:bold}.strong{background:#d95f0255}
-.frame,.given,.axis{fill:none;stroke:var(--line)}.arrow,.first{fill:none;stroke:var(--ink)}
-.second{fill:none;stroke:var(--second)}.bin{fill:#8886}.bar{stroke:currentColor;stroke-width:2}
-.ray{fill:none;stroke:#8883;stroke-width:.5}.ellipse{fill:#1f77b422;stroke:var(--ink);stroke-width:.6}
-.suspect{fill:none;stroke:var(--bad);stroke-width:2}
-.tie{fill:currentColor}.control{fill:var(--bad)}.camera{fill:#3a7d4455;stroke:#3a7d44}
-"""
+"""Correlation from which two parameters of a camera are one thing."""
+POOR = 0.1
 
 
 def page(record: BundleRecord) -> str:
-    """The page of a record: drawings, cameras, images, points, what was rejected and why."""
-    block, marked = arrays_of(record), suspected_measures(record)
-    parts = [
-        _facts(record),
-        *_views(block),
-        *largest_tests(record),
-        *(part for k, camera in enumerate(record.cameras) for part in _camera(block, camera, k, marked)),
-        _images(block, record, marked),
-        *_points(block, record),
-        *instruments(record),
-        *reliability(record),
-        *_rejected(block, record),
-    ]
-    title = escaped(f"Block of {len(record.images)} images, {len(record.points)} points")
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
-        f"<body><h1>{title}</h1>\n{''.join(parts)}</body></html>\n"
+    """The report of a block as an HTML document that loads nothing."""
+    return document(shown(record))
+
+
+def shown(record: BundleRecord) -> Page:
+    """All that the page of a block shows."""
+    block = arrays_of(record)
+    lists = _lists(record, block)
+    return Page(
+        "block",
+        f"Block of {counted(len(record.images), 'image')}",
+        about("Image block", record.run),
+        record.run.identifier,
+        {"length": "m", "angle": "gon"},
+        _verdict(record),
+        tuple(_cards(record, block)),
+        lists,
+        printed([*(point.name for point in record.points), *(image.name for image in record.images)]),
+        plan(record, block),
+        tables(record),
+        tuple(_sections(record, block)),
+        None if record.reliability is None else record.reliability.critical,
+        lists[0].items[0].to if lists and lists[0].title == "Suspected errors" else None,
     )
 
 
-def _facts(record: BundleRecord) -> str:
-    state = (
-        "converged"
-        if record.converged
-        else f'<span class="bad">NOT CONVERGED: {escaped(record.stopped)}</span>'
-    )
-    sigma0 = "undefined" if record.sigma0 is None else f"{record.sigma0:.5g}"
-    squares = ", ".join(f"{escaped(name)} {value:.6g}" for name, value in record.squares.items())
-    is_rejected = record.global_test is not None and not record.global_test.passed
-    lines = [
-        _bad(suspected(record)),
-        f"sigma0 {sigma0}; {state} after {len(record.iterations)} iterations",
-        f"{record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
-        f"precisions {record.precision}",
-        _bad(f"WEAK, without precisions: {record.weak}" if record.weak else ""),
-        _bad(tested(record).strip()) if is_rejected else escaped(tested(record).strip()),
-        f"weighted sums of squares: {squares}",
-        f"{len(record.left_out)} things left out, {len(record.unmeasured)} control points in no image, "
-        f"{record.weakened} image points with less than half of their weight, {len(record.behind)} behind "
-        "their camera (at the end of this page)",
-        *(_bad(f"Warning: {failure}") for failure in record.failures),
-        *(f"note: {escaped(note)}" for note in record.notes),
-        f"run {escaped(record.run.identifier)}, format {record.format} {record.version}",
-    ]
-    return "".join(f"<p>{line}</p>" for line in lines if line)
-
-
-def _bad(text: str) -> str:
-    return f"<span{BAD}>{escaped(text)}</span>" if text else ""
-
-
-def _views(block: BlockArrays) -> Iterator[str]:
-    for title, drawing in plan_and_side(block).items():
-        caption = "<figcaption>cameras, rays, control points in red</figcaption>"
-        yield f"<h2>{title}</h2><figure>{drawing}{caption}</figure>"
-
-
-def _camera(block: BlockArrays, camera: CameraRecord, number: int, marked: BoolArray) -> Iterator[str]:
-    rows = np.flatnonzero(block.camera[block.image] == number)
-    xy, residuals = block.xy[rows], block.residuals[rows]
-    normalised = (residuals / block.sigmas[rows]).ravel()
-    sound = block.weights[rows] >= HALF
-    size, (focal, middle) = (camera.width, camera.height), interior(camera)
-    straight = np.array([camera.undistorted_x, camera.undistorted_y], dtype=np.float64).T
-    drawings = {
-        "residuals (computed minus measured) of all images; suspected ones in red circles": arrows(
-            size, xy, residuals, "residuals", suspected=marked[rows]
-        ),
-        "by radius, without what robust weights weaken: radial part (blue), rms (orange)": radial_profile(
-            middle, xy[sound], residuals[sound], "radial profile"
-        ),
-        "residuals over sigmas, and the normal curve": histogram(normalised, "histogram"),
-        "the image (grey) without distortion (blue)": undistorted_grid(
-            grid_of(size, focal), straight, "undistorted grid"
-        ),
-    }
-    yield f"<h2>Camera {escaped(camera.name)}</h2>"
-    yield _calibration(camera)
-    figures = (
-        f"<figure>{drawing}<figcaption>{title}</figcaption></figure>" for title, drawing in drawings.items()
-    )
-    yield f"<main>{''.join(figures)}</main>"
-
-
-def _calibration(camera: CameraRecord) -> str:
-    """Parameters, sigmas and correlations; strong ones are marked."""
-    names = [parameter.name for parameter in camera.parameters]
-    rows = []
-    for k, parameter in enumerate(camera.parameters):
-        sigma = "-" if parameter.sigma is None else f"{parameter.sigma:.3g}" if parameter.sigma else "fixed"
-        cells = [f"<td>{escaped(parameter.name)}</td><td>{parameter.value:.10g}</td><td>{sigma}</td>"]
-        cells += [_correlation(camera, k, other) for other in range(k)]
-        rows.append(f"<tr>{''.join(cells)}</tr>")
-    heads = "".join(f"<th>{escaped(word)}</th>" for word in ("parameter", "value", "sigma", *names[:-1]))
-    size = f"{camera.width} by {camera.height} pixels, " if camera.width else ""
-    facts = f"<p>{size}{escaped(camera.projection)}, degree {camera.degree}; {camera.n_measures} measures, "
-    matrix = f"<table><tr>{heads}</tr>{''.join(rows)}</table>"
-    return f"{facts}rms {camera.rms:.4g} px</p><div class='scroll'>{matrix}</div>"
-
-
-def _correlation(camera: CameraRecord, row: int, column: int) -> str:
-    if camera.correlations is None:
-        return "<td></td>"
-    value = camera.correlations[row][column]
-    style = ' class="strong"' if abs(value) > STRONG else ""
-    return f"<td{style}>{value:+.2f}</td>" if value else "<td></td>"
-
-
-def _images(block: BlockArrays, record: BundleRecord, marked: BoolArray) -> str:
-    order = sorted(range(len(record.images)), key=lambda k: -record.images[k].rms)
-    rows = [
-        (
-            image.name, image.n_measures, f"{image.rms:.4g}", f"{image.largest:.4g}",
-            f"{image.mean_dx:+.3f}", f"{image.mean_dy:+.3f}",
-            *(f"{value:.4f}" for value in image.centre), _largest(image.centre_sigmas),
-        )
-        for image in (record.images[k] for k in order[:MOST_ROWS])
-    ]  # fmt: skip
-    heads = ("image", "points", "rms px", "max px", "mean dx", "mean dy", "x", "y", "z", "sigma")
-    drawings = "".join(_image(block, record, k, marked) for k in order[:MOST_IMAGES])
-    note = f"<p>drawings of the {MOST_IMAGES} worst images</p>" if len(order) > MOST_IMAGES else ""
-    return f"<h2>Images</h2>{table(heads, rows, len(record.images))}{note}<main>{drawings}</main>"
-
-
-def _image(block: BlockArrays, record: BundleRecord, row: int, marked: BoolArray) -> str:
-    rows = np.flatnonzero(block.image == row)
-    camera = record.cameras[block.camera[row]]
-    size = camera.width, camera.height
-    xy, residuals = block.xy[rows], block.residuals[rows]
-    drawing = arrows(size, xy, residuals, "residuals of an image", SMALL, marked[rows])
-    caption = escaped(record.images[row].name)
-    if marked[rows].any():
-        caption += f" <span{BAD}>{np.count_nonzero(marked[rows])} suspected</span>"
-    return f"<figure>{drawing}<figcaption>{caption}</figcaption></figure>"
-
-
-def _points(block: BlockArrays, record: BundleRecord) -> Iterator[str]:
-    control = [point for point in record.points if point.residual is not None]
-    if control:
-        control.sort(key=lambda point: -max(map(abs, point.residual or (0.0,))))
-        rows = [
-            (point.name, point.n_rays, f"{point.rms:.4g}", *map("{:+.5f}".format, point.residual or ()))
-            for point in control[:MOST_ROWS]
+def _verdict(record: BundleRecord) -> Verdict:
+    control = sum(point.kind == "control" for point in record.points)
+    detail = joined(
+        [
+            f"{counted(len(record.images), 'image')}, {counted(len(record.cameras), 'camera')}",
+            f"{control} control and {len(record.points) - control} tie points",
+            counted(record.n_observations, "equation"),
+            ("" if record.converged else "NOT ")
+            + f"converged after {counted(len(record.iterations), 'iteration')}",
         ]
-        heads = ("point", "rays", "rms px", "dx", "dy", "dz")
-        yield f"<h2>Control points, adjusted minus given</h2>{table(heads, rows, len(control))}"
-    yield f"<h2>Points, largest rms first</h2>{_by_point(record, block.largest)}"
+    )
+    return Verdict(*_judged(record), detail)
 
 
-def _by_point(record: BundleRecord, largest: FloatArray) -> str:
-    rows = []
-    rms = np.array([point.rms for point in record.points])
-    for k in np.argsort(-rms, kind="stable")[:MOST_ROWS]:
-        point = record.points[k]
-        spread = [] if point.covariance is None else [point.covariance[place] ** 0.5 for place in (0, 3, 5)]
-        places = (f"{value:.4f}" for value in (point.x, point.y, point.z))
-        sigmas = [f"{value:.3g}" for value in spread] or ["-"] * 3
-        rows.append((point.name, point.n_rays, f"{point.rms:.4g}", f"{largest[k]:.4g}", *places, *sigmas))
-    heads = ("point", "rays", "rms px", "max px", "x", "y", "z", "sx", "sy", "sz")
-    return table(heads, rows, len(record.points))
-
-
-def _rejected(block: BlockArrays, record: BundleRecord) -> Iterator[str]:
-    left = [(item.kind, item.name, item.reason) for item in record.left_out]
-    left += [
-        (
-            "measure",
-            f"image {item.image}, point {item.point}",
-            "the point is behind the camera in the solution",
+def _judged(record: BundleRecord) -> tuple[Level, str]:
+    """Level and sentence of what decides: the first of these that holds."""
+    diagnosis, test = record.diagnosis, record.global_test
+    if not record.converged:
+        return "bad", f"Not usable: {name(record.stopped)}."
+    count = len(record.suspects) if diagnosis is None else len(diagnosis.accused)
+    if count:
+        what = "1 error is suspected. Check it" if count == 1 else f"{count} errors are suspected. Check them"
+        return "bad", f"Not usable yet: {what}, then adjust again."
+    if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
+        return "bad", "Not usable yet: something is wrong, and no single cause explains it."
+    if any(item.is_off for item in record.check_points):
+        return "bad", "Not usable yet: check points are farther off than chance lets them be."
+    if record.rejected_shares:
+        return (
+            "bad",
+            f"Not usable yet: most residuals of {name(record.rejected_shares[0].text)} are rejected.",
         )
-        for item in record.behind
+    if record.weak:
+        return "warn", f"Adjusted without precisions: {name(record.weak)}."
+    if not record.is_complete:
+        return "warn", "Usable, but not all of it took part: see the findings."
+    if test is not None and not test.passed:
+        size = "large" if test.sigma0 > test.upper else "small"
+        expected = f"{test.lower:.2f} to {test.upper:.2f} is expected"
+        return (
+            "warn",
+            f"The residuals are too {size} for their sigmas: sigma0 is {test.sigma0:.3g}, {expected}.",
+        )
+    if record.redundancy <= 0:
+        return "warn", "Adjusted, but nothing is checked: there is no redundancy."
+    return "ok", "The block is sound: residuals fit the sigmas, and no error is suspected."
+
+
+def _cards(record: BundleRecord, block: BlockArrays) -> Iterator[Card]:
+    yield _sigma0(record)
+    lengths = np.linalg.norm(block.residuals, axis=1)
+    rms = float(np.sqrt(np.mean(block.residuals**2))) if lengths.size else 0.0
+    given = f"px rms; {float(np.median(block.sigmas)):.2g} given" if lengths.size else "px"
+    yield Card(
+        "image residuals",
+        f"{rms:.3g}",
+        given,
+        None,
+        strip(lengths.tolist()),
+        f"{lengths.size} image points, per coordinate",
+        Place("measures"),
+    )
+    if record.reliability is not None:
+        yield from _tests(record, record.reliability.critical)
+    if block.covariances is not None and len(record.points):
+        sigmas = np.sqrt(np.clip(np.diagonal(block.covariances, axis1=1, axis2=2).max(axis=1), 0.0, None))
+        worst = int(np.argmax(sigmas))
+        yield Card(
+            "weakest point",
+            small(float(sigmas[worst])),
+            "",
+            None,
+            strip(sigmas.tolist()),
+            f"{name(record.points[worst].name)}, its worst coordinate",
+            Place(point=worst),
+        )
+    equations = record.n_observations
+    each = f"{record.redundancy / equations:.2f} per equation" if equations else ""
+    known = record.reliability and [
+        *record.reliability.all.redundancy_x,
+        *record.reliability.all.redundancy_y,
     ]
-    if left:
-        groups = by_reason(record.left_out)
-        shown = table(("what", "how many", "which", "why"), groups, len(groups))
-        yield f"<h2>Left out</h2>{shown}"
-        yield table(("what", "name", "reason"), left[:MOST_ROWS], len(left))
-    idle = [(item.name, item.reason) for item in record.unmeasured]
-    if idle:
-        title = f"Control points that change nothing ({len(idle)})"
-        yield f"<h2>{title}</h2>{table(('name', 'reason'), idle[:MOST_ROWS], len(idle))}"
-    apart = [(item.kind, item.name, item.reason) for item in record.unpaired]
-    if apart:
-        title = "Not in pairs of their rigid blocks"
-        yield f"<h2>{title}</h2>{table(('what', 'name', 'reason'), apart[:MOST_ROWS], len(apart))}"
-    weak = np.flatnonzero(block.weights < HALF)
-    if weak.size:
-        order = weak[np.argsort(block.weights[weak], kind="stable")]
-        rows = [
-            (
-                record.images[block.image[k]].name, record.points[block.point[k]].name,
-                f"{block.residuals[k, 0]:+.3f}", f"{block.residuals[k, 1]:+.3f}", f"{block.weights[k]:.3g}",
-                "beyond the threshold" if block.weights[k] == 0.0 else "large residual, attenuated",
+    yield Card(
+        "redundancy",
+        str(record.redundancy),
+        each,
+        None,
+        shares(known) if known else None,
+        "share of an error that shows" if known else "",
+        Place("measures", filter="redundancy<0.3"),
+    )
+
+
+def _sigma0(record: BundleRecord) -> Card:
+    test = record.global_test
+    if test is None:
+        return Card("sigma0", significant(record.sigma0, 4), note=name(tested(record).strip()))
+    is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
+    tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
+    figure = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
+    return Card(
+        "sigma0",
+        significant(test.sigma0, 4),
+        "expected 1",
+        tag,
+        figure,
+        "95 % chi-square interval",
+        Place("quality"),
+    )
+
+
+def _tests(record: BundleRecord, limit: float) -> Iterator[Card]:
+    assert record.reliability is not None
+    tests = record.reliability.all
+    worst = [
+        max((abs(w) for w in pair if w is not None), default=0.0)
+        for pair in zip(tests.w_x, tests.w_y, strict=True)
+    ]
+    if worst:
+        row = int(np.argmax(worst))
+        beyond = record.reliability.beyond
+        tag = ("warn", f"{beyond} beyond") if beyond else ("ok", "none beyond")
+        columns = record.residuals
+        note = f"{record.images[columns.image[row]].name} \u00b7 {record.points[columns.point[row]].name}"
+        yield Card(
+            "largest w",
+            f"{worst[row]:.2f}",
+            f"limit {limit:.2f}",
+            tag,
+            strip(worst, limit),
+            name(note),
+            Place("measures", row=row),
+        )
+
+
+def _lists(record: BundleRecord, block: BlockArrays) -> tuple[Findings, ...]:
+    accused = () if record.diagnosis is None else record.diagnosis.accused
+    suspects = tuple(
+        Finding("bad", name(item.name), name(item.text), f"w {item.w:.1f}", to=_row(item.row))
+        for item in record.suspects
+    )
+    found = (
+        Findings("Suspected errors", (*(_accused(record, item) for item in accused), *suspects)),
+        Findings("Worth knowing" if accused or suspects else "Look at first", tuple(_others(record, block))),
+    )
+    return tuple(part for part in found if part.items)
+
+
+def _row(row: int | None) -> Place | None:
+    return None if row is None else Place("measures", row=row)
+
+
+def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
+    text = item.text[:1].upper() + item.text[1:]
+    if item.others:
+        text += f" Not told apart from: {listed([other.what for other in item.others], MOST_NAMES)}."
+    off = f"T {item.test:.0f}" if item.test else ""
+    rows = [place.row for place in item.observations]
+    points = {point.name: k for k, point in enumerate(record.points)}
+    to = Place("measures", row=rows[0]) if rows else None
+    if to is None and item.points and item.points[0].name in points:
+        to = Place(point=points[item.points[0].name])
+    return Finding(
+        "bad",
+        name(item.what),
+        name(text),
+        off,
+        "",
+        "look at the image or the list, correct it, adjust again. What this means:",
+        f"obseq causes {item.code}",
+        to,
+    )
+
+
+def _others(record: BundleRecord, block: BlockArrays) -> Iterator[Finding]:
+    found = record.diagnosis
+    if found is not None and found.reason:
+        yield Finding(
+            "bad" if found.status != "accepted" else "info",
+            f"Search for errors: {found.status}",
+            name(found.reason),
+        )
+    yield from _lost("Left out", record.left_out, "warn")
+    yield from _lost("Changes nothing", record.unmeasured, "info")
+    yield from _lost("Not in pairs of their rigid blocks", record.unpaired, "warn")
+    if record.behind:
+        names = listed([f"{item.point} in {item.image}" for item in record.behind], MOST_NAMES)
+        yield Finding(
+            "warn",
+            f"{counted(len(record.behind), 'point')} behind the camera",
+            name(f"In the solution: {names}."),
+        )
+    if record.far:
+        yield Finding(
+            "info",
+            f"{counted(len(record.far), 'far point')}",
+            name(f"Their direction is determined, their distance is not: {listed(record.far, MOST_NAMES)}."),
+        )
+    off = [item.name for item in record.check_points if item.is_off]
+    if off:
+        text = "They are farther from where they should be than chance lets them."
+        yield Finding("bad", name(f"Check points off: {listed(off, MOST_NAMES)}"), text)
+    if record.unchecked:
+        yield Finding("warn", "Check points without a place", name(listed(record.unchecked, MOST_NAMES)))
+    if record.weakened:
+        yield Finding(
+            "info",
+            f"{counted(record.weakened, 'image point')} weakened",
+            "They have less than half of their weight.",
+            to=Place("measures", filter="weight<0.5"),
+        )
+    control = [(max(map(abs, point.residual)), k) for k, point in enumerate(record.points) if point.residual]
+    if control:
+        size, k = max(control)
+        yield Finding(
+            "info",
+            name(f"Control point {record.points[k].name}"),
+            "Largest difference from its given coordinates.",
+            small(size),
+            to=Place(point=k),
+        )
+    for camera in record.cameras:
+        if camera.correlations and (pair := _strongest(np.array(camera.correlations))):
+            i, j, value = pair
+            first, second = camera.parameters[i].name, camera.parameters[j].name
+            level: Level = "warn" if abs(value) > STRONG else "info"
+            yield Finding(
+                level,
+                name(f"{first} and {second} of {camera.name}"),
+                "Largest correlation of the calibration; beyond 0.95 two parameters are one thing.",
+                f"{value:+.2f}",
             )
-            for k in order[:MOST_ROWS].tolist()
-        ]  # fmt: skip
-        heads = ("image", "point", "dx px", "dy px", "weight", "why")
-        yield f"<h2>Weakened by robust weights</h2>{table(heads, rows, len(weak))}"
+    if len(record.images) > 1:
+        worst = max(record.images, key=lambda image: image.rms)
+        yield Finding(
+            "info",
+            name(f"Image {worst.name} has the largest residuals"),
+            f"rms {worst.rms:.3g} px of {counted(worst.n_measures, 'image point')}.",
+        )
+    for failure in record.failures:
+        yield Finding("warn", "Warning", name(failure))
+    for note in record.notes:
+        yield Finding("info", "Note", name(note))
 
 
-def _largest(sigmas: Sequence[float] | None) -> str:
-    return "-" if sigmas is None else f"{max(sigmas):.3g}"
+def _lost(title: str, items: tuple[BlockLeftOutRecord, ...], level: Level) -> Iterator[Finding]:
+    """What took no part, one finding for each kind and reason."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in items:
+        groups.setdefault((item.kind, item.reason), []).append(item.name)
+    for (kind, reason), names in groups.items():
+        what = f"{title}: {counted(len(names), kind)}"
+        yield Finding(level, name(what), name(f"{listed(names, MOST_NAMES)}: {reason}."))
+
+
+def _strongest(matrix: np.ndarray) -> tuple[int, int, float] | None:
+    lower = np.tril(np.abs(matrix), -1)
+    if not lower.any():
+        return None
+    i, j = np.unravel_index(int(np.argmax(lower)), lower.shape)
+    return int(i), int(j), float(matrix[i, j])
+
+
+def _sections(record: BundleRecord, block: BlockArrays) -> Iterator[Section]:
+    marked = suspected_measures(record)
+    yield Section("frames", "Image residuals", tuple(frames(record, block, marked)))
+    yield Section("calibration", "Calibration", tuple(cameras(record, block, marked)), tables=("parameters",))
+    charts = []
+    if record.reliability is not None:
+        charts = [{"kind": kind, "table": "measures", "column": "w"} for kind in ("histogram", "normal")]
+    steps = [{"sigma0": row.sigma0, "step": row.max_step} for row in record.iterations]
+    yield Section("quality", "Quality", (*charts, {"kind": "convergence", "iterations": steps}))
+    yield Section("provenance", "Provenance", facts=tuple(_facts(record)), words=WORDS)
+
+
+def _facts(record: BundleRecord) -> Iterator[tuple[str, str]]:
+    yield "run", f"{record.run.identifier}, {record.run.created}"
+    yield "versions", ", ".join(f"{package} {version}" for package, version in record.run.versions.items())
+    yield "precisions", record.precision
+    yield (
+        "equations",
+        f"{record.n_observations}, unknowns {record.n_unknowns}, redundancy {record.redundancy}",
+    )
+    yield "sums of squares", ", ".join(f"{kind} {value:.6g}" for kind, value in record.squares.items())
+    yield "sigma0", name(tested(record).strip())
+    if record.frame:
+        yield "frame", name(record.frame)
+    yield "stopped", name(record.stopped)
+    yield from (("warning", name(text)) for text in record.failures)
+    yield from (("note", name(text)) for text in record.notes)

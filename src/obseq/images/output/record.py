@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.boundary import Boundary
 from obseq.images.causes.comparison import has_robust_weights
+from obseq.images.output.arrays import grid_of
 from obseq.images.output.block_record import (
     BlockLeftOutRecord,
     BlockPointRecord,
@@ -18,8 +19,8 @@ from obseq.images.output.block_record import (
     ParameterRecord,
     ResidualColumns,
 )
-from obseq.images.output.drawings import grid_of
 from obseq.images.output.instruments import clinometer_records, rigid_records
+from obseq.images.output.references import antenna_records, check_records, shutter_records
 from obseq.images.output.testing import reliability_record
 from obseq.records.adjustment import IterationRecord, new_run
 from obseq.survey.adjustment.adjusted_records import global_test_record
@@ -91,6 +92,11 @@ def record_of(
         solution.weak,
         (*failures, *boundary.failures),
         tuple(solution.points[row] for row in np.flatnonzero(far)),
+        tuple(antenna_records(solution, precisions)),
+        tuple(shutter_records(solution, precisions)),
+        tuple(check_records(solution)),
+        solution.check_residuals().unmeasured,
+        solution.block.frame,
     )
 
 
@@ -176,6 +182,7 @@ def _finite(row: FloatArray) -> tuple[float | None, ...]:
 
 def _points(solution: BundleSolution, precisions: bool) -> Iterator[BlockPointRecord]:
     fits, control = solution.by_point(), solution.start.is_control
+    checks = set(solution.block.check_points.names)
     shifts = solution.coordinates - solution.start.coordinates
     upper = np.triu_indices(3)
     covariances: list[tuple[float, ...] | None] = [None] * len(solution.points)
@@ -186,7 +193,7 @@ def _points(solution: BundleSolution, precisions: bool) -> Iterator[BlockPointRe
         x, y, z = solution.coordinates[k].tolist()
         yield BlockPointRecord(
             name,
-            "control" if control[k] else "tie",
+            "control" if control[k] else "check" if name in checks else "tie",
             x,
             y,
             z,

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.output.references_told import check_points, references
 from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
+from obseq.images.output.text_tables import sigma_text, text_table
 from obseq.printable import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord, CameraRecord
     from obseq.images.output.suspicion import LargestTestsRecord
     from obseq.images.output.testing import BlockReliabilityRecord
     from obseq.records.diagnosis import DiagnosisRecord
 
-MOST = 12
-"""Rows of a table before it is cut."""
 FIRST = 4
 """Names of a list before it is cut."""
 COMMON = 5.0
@@ -34,6 +35,8 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
         *(_camera(camera) for camera in record.cameras[:3]),
         _images(record),
         _points(record),
+        check_points(record),
+        references(record),
         _instruments(record),
         _list("Left out", record.left_out),
         _list("Control points that change nothing", record.unmeasured),
@@ -120,11 +123,12 @@ def _one_of(tests: LargestTestsRecord) -> str:
 def _verdict(record: BundleRecord) -> str:
     sigma0 = "undefined" if record.sigma0 is None else f"{record.sigma0:.4f}"
     state = "converged" if record.converged else f"NOT CONVERGED: {record.stopped}"
-    tie = sum(point.kind == "tie" for point in record.points)
+    kinds = Counter(point.kind for point in record.points)
+    check = f", {kinds['check']} check points" if kinds["check"] else ""
     lines = [
         f"Bundle adjustment: sigma0 {sigma0}, {state} after {len(record.iterations)} iterations",
         f"  {len(record.images)} images, {len(record.cameras)} cameras, "
-        f"{len(record.points) - tie} control points, {tie} tie points",
+        f"{kinds['control']} control points, {kinds['tie']} tie points{check}",
         f"  {record.n_observations} equations, {record.n_unknowns} unknowns, redundancy {record.redundancy}; "
         f"precisions {record.precision}",
     ]
@@ -197,15 +201,16 @@ def _instruments(record: BundleRecord) -> str:
     ]
     rows += [(f"clinometer {item.name}", "", f"{item.rms:.4g}") for item in record.clinometers]
     heads = ("instrument", "rms translation", "rms rotation rad")
-    return "Rigid blocks and clinometers\n" + _table(heads, rows) if rows else ""
+    return "Rigid blocks and clinometers\n" + text_table(heads, rows) if rows else ""
 
 
 def _camera(camera: CameraRecord) -> str:
     rows = [
-        (parameter.name, f"{parameter.value:.8g}", _sigma(parameter.sigma)) for parameter in camera.parameters
+        (parameter.name, f"{parameter.value:.8g}", sigma_text(parameter.sigma))
+        for parameter in camera.parameters
     ]
     title = f"Camera {camera.name} ({camera.n_measures} measures, rms {camera.rms:.4g} px)"
-    return title + "\n" + _table(("parameter", "value", "sigma"), rows) + _high(camera)
+    return title + "\n" + text_table(("parameter", "value", "sigma"), rows) + _high(camera)
 
 
 def _high(camera: CameraRecord) -> str:
@@ -229,11 +234,11 @@ def _images(record: BundleRecord) -> str:
             f"{image.rms:.4g}",
             f"{image.largest:.4g}",
             *(f"{value:.4f}" for value in image.centre),
-            _sigma(None if image.centre_sigmas is None else max(image.centre_sigmas)),
+            sigma_text(None if image.centre_sigmas is None else max(image.centre_sigmas)),
         )
         for image in sorted(record.images, key=lambda image: -image.rms)
     ]
-    return "Images, largest rms first\n" + _table(
+    return "Images, largest rms first\n" + text_table(
         ("image", "points", "rms px", "max px", "x", "y", "z", "sigma"), rows
     )
 
@@ -247,7 +252,7 @@ def _points(record: BundleRecord) -> str:
         (point.name, str(point.n_rays), f"{point.rms:.4g}", *map("{:+.5f}".format, point.residual or ()))
         for point in ordered
     ]
-    return "Control points, adjusted minus given, largest first\n" + _table(
+    return "Control points, adjusted minus given, largest first\n" + text_table(
         ("point", "rays", "rms px", "dx", "dy", "dz"), rows
     )
 
@@ -272,7 +277,7 @@ def first_of(names: Sequence[str]) -> str:
 def _list(title: str, items: Sequence[BlockLeftOutRecord]) -> str:
     if not items:
         return ""
-    return f"{title} ({len(items)})\n" + _table(("what", "how many", "which", "why"), by_reason(items))
+    return f"{title} ({len(items)})\n" + text_table(("what", "how many", "which", "why"), by_reason(items))
 
 
 def _tests(found: BlockReliabilityRecord | None) -> str:
@@ -290,7 +295,7 @@ def _tests(found: BlockReliabilityRecord | None) -> str:
         )
         for row in shown
     ]
-    return f"Largest standardised residuals of all observations ({_limit(tests)})\n" + _table(
+    return f"Largest standardised residuals of all observations ({_limit(tests)})\n" + text_table(
         ("what", "w", "error", "weight"), rows
     )
 
@@ -307,28 +312,6 @@ def _worst(record: BundleRecord) -> str:
         (item.image, item.point, f"{item.dx:+.3f}", f"{item.dy:+.3f}", f"{item.weight:.2f}")
         for item in record.worst[:5]
     ]
-    return "Largest residuals, by their sigmas\n" + _table(
+    return "Largest residuals, by their sigmas\n" + text_table(
         ("image", "point", "dx px", "dy px", "weight"), rows
     )
-
-
-def _sigma(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return "fixed" if value == 0.0 else f"{value:.3g}"
-
-
-def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    shown = [titles, *rows[:MOST]]
-    widths = [max(len(row[k]) for row in shown) for k in range(len(titles))]
-    text = "".join("  " + _line(row, widths) + "\n" for row in shown)
-    return text + (f"  ... and {len(rows) - MOST} more\n" if len(rows) > MOST else "")
-
-
-def _line(row: Sequence[str], widths: Sequence[int]) -> str:
-    return "  ".join(_cells(row, widths)).rstrip()
-
-
-def _cells(row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
-    for k, (cell, width) in enumerate(zip(row, widths, strict=True)):
-        yield cell.ljust(width) if k == 0 else cell.rjust(width)

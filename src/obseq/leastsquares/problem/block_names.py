@@ -62,6 +62,11 @@ class BlockNames:
             for name in [name for name, block in known.items() if block >= n]:
                 del known[name]
 
+    def called(self, label: str) -> dict[str, int]:
+        """Ids of all blocks of a kind by name; none where there is no block of that kind."""
+        kinds = [kind for kind, manifold in enumerate(self.manifolds) if manifold.label == label]
+        return self._ids[kinds[0]] if kinds else {}
+
     def find(self, names: Sequence[str], label: str) -> IntArray:
         """Ids of blocks of one kind by name; the kind by its label, in any case."""
         kind = self._kind_called(label)

@@ -218,6 +218,10 @@ class UnknownTable:
         """Ids of blocks of one kind by name; the kind by its label, in any case."""
         return self._known.find(names, label)
 
+    def called(self, label: str) -> dict[str, int]:
+        """Ids of all blocks of a kind by name; none where there is no block of that kind."""
+        return self._known.called(label)
+
     def checked(self, ids: ArrayLike, what: str) -> IntArray:
         """Ids as a 1-D int64 array; an error when one of them is no block."""
         array = ids if type(ids) is np.ndarray and ids.ndim else np.atleast_1d(plain(ids, what))

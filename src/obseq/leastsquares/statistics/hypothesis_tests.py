@@ -205,6 +205,19 @@ def overall_level(single: ArrayLike, n_tests: int) -> FloatArray:
         return np.asarray(-np.expm1(n_tests * np.log1p(-np.asarray(single, dtype=np.float64))))
 
 
+def holm(p_values: ArrayLike) -> FloatArray:
+    """(n,) smallest overall levels at which each of n tests is rejected by Holm's procedure (1979).
+
+    Whatever depends on what, the probability of rejecting any true hypothesis is at most that level.
+    """
+    p = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(p, kind="stable")
+    stepped = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)), 1.0)
+    found = np.empty_like(p)
+    found[order] = stepped
+    return found
+
+
 @lru_cache
 def non_centrality(level: float, power: float) -> float:
     """Shift of a standard normal variable that a two-sided test of that level finds with that power.

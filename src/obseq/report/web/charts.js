@@ -1,4 +1,4 @@
-// Charts as SVG: histogram and normal plot of residuals, convergence.
+// Charts as SVG: residuals by type, their distribution, convergence, frames of images, correlations.
 
 const CHART = { width: 420, height: 240, left: 46, right: 10, top: 10, bottom: 34 };
 const MOST_DOTS = 800;
@@ -32,8 +32,8 @@ function frame(x, y, xTicks, yTicks, xTitle) {
 
 const labelled = (values) => values.map((at) => ({ at, text: significant(at) }));
 
-function chart(title, about, parts) {
-  const picture = svg("svg", { viewBox: `0 0 ${CHART.width} ${CHART.height}`, role: "img", "aria-label": `${title}: ${about}` }, parts);
+function chart(title, about, parts, height = CHART.height) {
+  const picture = svg("svg", { viewBox: `0 0 ${CHART.width} ${height}`, role: "img", "aria-label": `${title}: ${about}` }, parts);
   return make("figure", {}, [make("figcaption", {}, [title]), picture, make("p", { class: "about" }, [about])]);
 }
 
@@ -91,15 +91,75 @@ function normalPlot(values, name) {
 /** Sigma0 and the largest step of each iteration, on a logarithmic scale. */
 function convergence(iterations) {
   const logs = (name) => iterations.map((row) => (row[name] > 0 ? Math.log10(row[name]) : null));
-  const both = { "sigma0 at its start": ["line", logs("sigma0")], "largest step (m or rad)": ["curve", logs("max_step")] };
+  const both = { "sigma0 at its start": ["line", logs("sigma0")], "largest step": ["curve", logs("step")] };
   const finite = Object.values(both).flatMap(([, values]) => values).filter((value) => value !== null);
-  const [low, high] = [Math.floor(Math.min(...finite, 0)), Math.ceil(Math.max(...finite, 1))];
+  const [low, top] = [Math.floor(Math.min(...finite, 0)), Math.ceil(Math.max(...finite, 1))];
   const x = axis(1, Math.max(iterations.length, 2), CHART.left + 8, CHART.width - CHART.right - 8);
-  const y = axis(low, high, CHART.height - CHART.bottom, CHART.top);
-  const powers = ticks(low, high, 5).filter(Number.isInteger).map((at) => ({ at, text: `1e${at}` }));
+  const y = axis(low, top, CHART.height - CHART.bottom, CHART.top);
+  const powers = ticks(low, top, 5).filter(Number.isInteger).map((at) => ({ at, text: `1e${at}` }));
   const numbers = ticks(1, iterations.length, 8).filter(Number.isInteger).map((at) => ({ at, text: String(at) }));
   const lines = Object.values(both).map(([style, values]) => svg("path", { class: style, d: path(values.map((value, k) => (value === null ? null : [x(k + 1), y(value)]))) }));
-  return chart("Convergence", `by iteration: ${Object.keys(both).join(" (blue) and ")} (red)`, [...frame(x, y, numbers, powers, "iteration"), ...lines]);
+  return chart("Convergence", `by iteration: ${Object.keys(both).join(" (full) and ")} (dashed)`, [...frame(x, y, numbers, powers, "iteration"), ...lines]);
+}
+
+/** Every w on the line of its type. */
+function bands(groups, limit) {
+  const reach = Math.max(limit * 1.1, ...groups.flatMap(([, values]) => values.map(Math.abs)));
+  const isLong = reach > 20;
+  const size = (value) => (isLong ? Math.sign(value) * Math.log1p(Math.abs(value)) : value);
+  const x = axis(size(-reach), size(reach), CHART.left + 20, CHART.width - CHART.right);
+  const step = (CHART.height - CHART.bottom - CHART.top) / groups.length;
+  const marks = [-limit, 0, limit].map((value) => svg("path", { class: value ? "limit" : "axis", d: `M${x(size(value))} ${CHART.top}V${CHART.height - CHART.bottom}` }));
+  const rows = groups.flatMap(([name, values], k) => {
+    const y = CHART.top + (k + 0.5) * step;
+    const every = Math.max(1, Math.ceil(values.length / MOST_DOTS));
+    const dots = values.filter((value, n) => n % every === 0 || Math.abs(value) > limit);
+    const line = (isBad) => dots.filter((value) => (Math.abs(value) > limit) === isBad).map((value) => `M${x(size(value)).toFixed(1)} ${(y - 6).toFixed(1)}v12`).join("");
+    return [svg("text", { x: CHART.left + 12, y: y + 4, "text-anchor": "end" }, [name]), svg("path", { class: "stroke plain", d: line(false) }), svg("path", { class: "stroke bad", d: line(true) })];
+  });
+  const texts = [-limit, limit].map((value) => svg("text", { x: x(size(value)), y: CHART.height - CHART.bottom + 14, "text-anchor": "middle" }, [fixed(value, 2)]));
+  return chart("w by type", `each observation a tick${isLong ? "; logarithmic" : ""}; beyond the limit in red`, [...marks, ...rows, ...texts]);
+}
+
+/** Residuals on the frame of an image or a camera, enlarged; suspected ones in rings. */
+function imageFrame({ title, width, height, x, y, dx, dy, suspected = [], note = "" }) {
+  const scale = Math.min((CHART.width - 20) / width, (CHART.height - 20) / height);
+  const lengths = dx.map((value, k) => Math.hypot(value, dy[k]));
+  const factor = 22 / (high(lengths, 0.95) || 1);
+  const place = (k) => [10 + x[k] * scale, 10 + y[k] * scale];
+  const arrows = new SvgPath();
+  dx.forEach((value, k) => arrow(arrows, ...place(k), place(k)[0] + value * factor, place(k)[1] + dy[k] * factor));
+  const rings = suspected.map((k) => svg("circle", { cx: place(k)[0], cy: place(k)[1], r: 7, class: "ring bad" }));
+  const usual = roundBelow(30 / factor);
+  const parts = [svg("rect", { x: 10, y: 10, width: width * scale, height: height * scale, class: "axis" }), svg("path", { d: arrows.d, class: "arrow" }), ...rings,
+    svg("path", { d: `M14 ${CHART.height - 4}h${usual * factor}`, class: "arrow" }), svg("text", { x: 20 + usual * factor, y: CHART.height }, [`${significant(usual)} px`])];
+  return chart(title, note || `${dx.length} residuals, rms ${significant(Math.sqrt(lengths.reduce((sum, value) => sum + value * value, 0) / Math.max(2 * dx.length, 1)))} px per coordinate`, parts);
+}
+
+/** Residuals by the distance from the principal point. */
+function profile({ title, radius, mean, rms, note }) {
+  const top = Math.max(...rms, ...mean.map(Math.abs), 1e-9);
+  const x = axis(0, Math.max(...radius, 1), CHART.left, CHART.width - CHART.right);
+  const y = axis(-top, top, CHART.height - CHART.bottom, CHART.top);
+  const line = (values, style) => svg("path", { class: style, d: path(values.map((value, k) => [x(radius[k]), y(value)])) });
+  return chart(title, note, [...frame(x, y, labelled(ticks(0, Math.max(...radius, 1), 5)), labelled(ticks(-top, top, 5)), "px"), line(rms, "line"), line(mean, "curve")]);
+}
+
+/** A matrix of correlations: the stronger, the darker. */
+function matrix({ title, names, values, note = "" }) {
+  const step = Math.min(30, (CHART.width - 60) / names.length);
+  const cells = values.flatMap((row, i) => row.map((value, j) => svg("rect", { x: 50 + j * step, y: 20 + i * step, width: step - 2, height: step - 2, class: value < 0 ? "negative" : "positive", opacity: (0.06 + 0.9 * Math.abs(value)).toFixed(2) }, [svg("title", {}, [`${names[i]}, ${names[j]}: ${fixed(value, 2)}`])])));
+  const labels = names.flatMap((name, i) => [svg("text", { x: 46, y: 20 + i * step + step / 2 + 4, "text-anchor": "end" }, [name]), svg("text", { x: 50 + i * step + step / 2, y: 14, "text-anchor": "middle" }, [name])]);
+  return chart(title, note, [...cells, ...labels], Math.max(CHART.height, 30 + names.length * step));
+}
+
+/** A grid, and where its knots would be: the image without distortion. */
+function distortedGrid({ title, width, height, x, y, note = "" }) {
+  const [scale, side] = [Math.min((CHART.width - 40) / width, (CHART.height - 40) / height), Math.round(Math.sqrt(x.length))];
+  const place = (k) => (x[k] === null ? null : [20 + x[k] * scale, 20 + y[k] * scale]);
+  const lines = Array.from({ length: side }, (_, i) => [Array.from({ length: side }, (__, j) => place(i * side + j)), Array.from({ length: side }, (__, j) => place(j * side + i))]).flat();
+  const given = Array.from({ length: side }, (_, i) => `M20 ${20 + i * height * scale / (side - 1)}h${width * scale}M${20 + i * width * scale / (side - 1)} 20v${height * scale}`).join("");
+  return chart(title, note, [svg("path", { d: given, class: "grid" }), svg("path", { d: lines.map(path).join(""), class: "arrow" })]);
 }
 
 function path(places) {
@@ -109,4 +169,21 @@ function path(places) {
     pen = place ? "L" : "M";
     return text;
   }).join("");
+}
+
+/** What a section shows, made of what it declares. */
+function drawn(content, tables, limit) {
+  if (content.kind === "convergence") return convergence(content.iterations);
+  if (content.kind === "frame") return imageFrame(content);
+  if (content.kind === "profile") return profile(content);
+  if (content.kind === "matrix") return matrix(content);
+  if (content.kind === "grid") return distortedGrid(content);
+  const table = tables.find((item) => item.id === content.table);
+  const [column, type] = [columnOf(table, content.column), columnOf(table, "type")];
+  if (content.kind === "bands") {
+    const groups = (type?.choices ?? ["all"]).map((name, k) => [name, column.values.filter((value, row) => value !== null && (!type || type.values[row] === k))]);
+    return bands(groups.filter(([, values]) => values.length), limit ?? 3.29);
+  }
+  const values = column.values.filter((value) => value !== null);
+  return content.kind === "histogram" ? histogram(values, content.column) : normalPlot(values, content.column);
 }

@@ -21,18 +21,17 @@ class Motions {
   }
 
   /** Arrows of the motions that are shown; where points are crowded, of those that find room. */
-  draw(plan) {
+  draw(plan, sheet) {
     const room = plan.isCrowded ? new Room(3) : null;
     const free = new Map();
     const hasRoom = ([, x, y]) => !room || room.take(x - FARTHEST, y - FARTHEST, 2 * FARTHEST, 2 * FARTHEST);
     for (const place of plan.inside) if (hasRoom(place)) free.set(place[0], place);
     for (const k of this.shown) {
-      const path = new Path2D();
+      const path = sheet.path();
       for (const { motion, point, move } of this.moves) {
         if (motion === k && free.has(point)) loose(path, ...free.get(point).slice(1), move);
       }
-      Object.assign(plan.context, { strokeStyle: TYPE_COLOURS[k % TYPE_COLOURS.length], lineWidth: 1.8 });
-      plan.context.stroke(path);
+      sheet.stroke(path, TYPE_COLOURS[k % TYPE_COLOURS.length], 1.8);
     }
   }
 }
@@ -44,11 +43,10 @@ function loose(path, x, y, [east, north, up]) {
 }
 
 /** At points that are left out: both ways along what nothing holds. */
-function drawLoose(plan) {
-  const path = new Path2D();
+function drawLoose(plan, sheet) {
+  const path = sheet.path();
   for (const [point, ...direction] of plan.content.loose) {
     for (const sign of [1, -1]) loose(path, ...plan.place(point), direction.map((part) => sign * part));
   }
-  Object.assign(plan.context, { strokeStyle: plan.palette.picked, lineWidth: 1.8 });
-  plan.context.stroke(path);
+  sheet.stroke(path, colour("sel"), 1.8);
 }

@@ -13,6 +13,10 @@ const ABSENT = "-";
 const QUANTITIES = {
   count: () => ({ factor: 1, decimals: 0, unit: "" }),
   number: () => ({ factor: 1, decimals: 2, unit: "" }),
+  small_number: () => ({ factor: 1, decimals: -1, unit: "" }),
+  share: () => ({ factor: 1, decimals: 2, unit: "" }),
+  pixel: () => ({ factor: 1, decimals: 3, unit: "px" }),
+  coarse_pixel: () => ({ factor: 1, decimals: 1, unit: "px" }),
   fine: () => ({ factor: 1, decimals: 4, unit: "" }),
   length: () => ({ factor: PER_METRE[settings.lengths], decimals: 4, unit: settings.lengths }),
   small_length: () => settings.lengths === "m" ? { factor: 1e3, decimals: 2, unit: "mm" } : { factor: PER_METRE[settings.lengths], decimals: 5, unit: settings.lengths },
@@ -43,11 +47,25 @@ function titleUnit(column) {
 
 const isText = (column) => ["text", "choice", "point"].includes(column.quantity);
 
+/** The sentence with its numbers in the units that are chosen: they stand in it as {{kind|value|digits}}. */
+const rich = (text) => text.replace(/\{\{(\w+)\|([^|{}]+)\|(\d*)\}\}/g, (_, quantity, value, digits) => {
+  const column = digits === "" ? { quantity } : { quantity, decimals: Number(digits) };
+  const unit = scaleOf(column, false).unit;
+  return `${shown(column, Number(value), false)}${unit ? ` ${unit}` : ""}`;
+});
+
 function fixed(value, decimals) {
   if (value === null || value === undefined || !Number.isFinite(value)) return ABSENT;
+  if (decimals < 0) return significant(value);
   let text = value.toFixed(decimals);
   if (Number(text) === 0) text = text.replace("-", "");
   return settings.language === "fr" ? text.replace(".", ",") : text;
+}
+
+/** A long number with narrow blanks between its thousands. */
+function grouped(text) {
+  const [whole, ...rest] = text.split(/([.,])/);
+  return (whole.replace("-", "").length > 4 ? whole.replace(/\B(?=(\d{3})+$)/g, "\u202f") : whole) + rest.join("");
 }
 
 /** An angle in degrees, minutes and seconds to a tenth of a second. */
@@ -65,7 +83,7 @@ function shown(column, value, isAngular) {
   const isSexagesimal = settings.angles === "dms" && (column.quantity === "angle" || (column.quantity === "observed" && isAngular));
   if (isSexagesimal) return sexagesimal(value);
   const scale = scaleOf(column, isAngular);
-  const text = fixed(value * scale.factor, scale.decimals);
+  const text = column.significant ? String(Number(value.toPrecision(column.significant))) : fixed(value * scale.factor, scale.decimals);
   return MIXED[column.quantity] && text !== ABSENT ? `${text} ${scale.unit}` : text;
 }
 
@@ -75,17 +93,16 @@ function significant(value) {
   return settings.language === "fr" ? text.replace(".", ",") : text;
 }
 
-/** What a filter of numbers keeps: `> 3`, `< 0.5`, `1..2`, `3`, and between bars for the size: `|> 3|`. */
-function numberFilter(text) {
-  const bare = text.replaceAll(",", ".").replaceAll(" ", "");
-  const size = bare.startsWith("|") ? Math.abs : (value) => value;
-  const wish = bare.replaceAll("|", "");
-  const range = wish.match(/^(-?[\d.]+?)\.\.(-?[\d.]+)$/);
-  if (range) return (value) => size(value) >= Number(range[1]) && size(value) <= Number(range[2]);
-  const limit = wish.match(/^(>=|<=|>|<|=)?(-?\d*\.?\d+)$/);
-  if (!limit) return null;
-  const bound = Number(limit[2]);
-  const tests = { ">": (v) => v > bound, ">=": (v) => v >= bound, "<": (v) => v < bound, "<=": (v) => v <= bound };
-  const test = tests[limit[1]] ?? ((v) => Math.abs(v - bound) <= 0.5 * 10 ** -(limit[2].split(".")[1] ?? "").length);
-  return (value) => test(size(value));
+/** The numbers of a packed column: bytes of equal weight stand together, compressed. */
+async function unpacked(values) {
+  if (Array.isArray(values)) return values;
+  const bytes = Uint8Array.from(atob(values.bytes), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const shuffled = new Uint8Array(await new Response(stream).arrayBuffer());
+  const Kind = { i4: Int32Array, f4: Float32Array, f8: Float64Array }[values.type];
+  const [size, count] = [Kind.BYTES_PER_ELEMENT, shuffled.length / Kind.BYTES_PER_ELEMENT];
+  const straight = new Uint8Array(shuffled.length);
+  for (let k = 0; k < count; k += 1) for (let j = 0; j < size; j += 1) straight[k * size + j] = shuffled[j * count + k];
+  const isMissing = values.type === "i4" ? (value) => value < 0 : Number.isNaN;
+  return Array.from(new Kind(straight.buffer), (value) => (isMissing(value) ? null : value));
 }

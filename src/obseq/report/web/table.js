@@ -1,22 +1,22 @@
 // A table that is sorted, filtered and linked with the plan; only the rows in sight are elements of the page.
 
 const BESIDE = 8;
-const MOST_PRINTED = 3000;
 const SAMPLE = 400;
-const TALLEST = 480;
+const TALLEST = 470;
+const SIZES = new Set(["redundancy"]);
 
 class Table {
-  static rowHeight = 26.4;
+  static rowHeight = 28;
 
-  constructor(content, names, select) {
-    Object.assign(this, { content, names, select, columns: content.columns });
-    this.size = this.columns.length ? this.columns[0].values.length : 0;
-    this.filters = this.columns.map(() => null);
-    this.order = content.sort ? { column: content.sort[0], sign: content.sort[1] } : null;
-    this.point = null;
-    this.picked = -1;
+  constructor(content, names, choose) {
+    Object.assign(this, { content, names, choose, hasAll: false, filter: "", picked: new Set(), size: content.size });
+    this.order = content.order ? { key: content.order, sign: -1 } : null;
+    this.element = make("div");
     this.build();
-    this.refresh();
+  }
+
+  get columns() {
+    return this.content.columns.filter((column) => this.hasAll || !column.rare);
   }
 
   text(column, row) {
@@ -31,107 +31,96 @@ class Table {
     return Boolean(this.content.angular?.[row]);
   }
 
-  /** The number of each row that filters of a column compare: in the unit shown. */
-  numbers(column) {
-    const [straight, angular] = [false, true].map((isAngular) => scaleOf(column, isAngular).factor);
-    return (row) => {
-      const value = column.values[row];
-      return value === null ? NaN : value * (this.isAngular(row) ? angular : straight);
-    };
+  /** The number of a row that a filter compares: in the unit shown. */
+  number(column, row) {
+    const value = column.values[row];
+    return value === null ? NaN : value * scaleOf(column, this.isAngular(row)).factor;
   }
 
   build() {
-    const { id, title, about } = this.content;
-    this.element = make("section", { id, "aria-labelledby": `${id}-title` });
-    this.body = make("tbody");
-    this.head = make("thead", {}, [this.titles(), this.filterRow()]);
-    this.widths = make("colgroup");
-    this.table = make("table", { "aria-labelledby": `${id}-title` }, [this.widths, this.head, this.body]);
-    this.scroll = make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `rows of ${title}` }, [this.table]);
-    this.count = make("span", { role: "status" });
-    this.chip = make("button", { type: "button", class: "chip", hidden: "" });
-    this.chip.addEventListener("click", () => this.select({}));
+    const { title, about, hint, chips = [] } = this.content;
+    this.input = make("input", { type: "search", placeholder: `Filter: ${hint ?? "text"}`, "aria-label": `filter ${title}: words, or comparisons such as |w|>3` });
+    this.input.value = this.filter;
+    this.input.addEventListener("input", () => this.setFilter(this.input.value, true));
+    this.chips = chips.map(([text, filter]) => button(`${text} `, () => this.setFilter(this.filter === filter ? "" : filter), { "data-filter": filter, "aria-pressed": "false" }));
+    this.chips.forEach((chip) => chip.append(make("span", { class: "count" }, [String(this.rowsOf(chip.dataset.filter).length)])));
+    const all = this.content.columns.some((column) => column.rare) ? [button("All columns", () => this.toggle(), { "aria-pressed": String(this.hasAll) })] : [];
+    this.count = make("span", { class: "count", role: "status" });
+    [this.head, this.body, this.widths] = [make("thead"), make("tbody"), make("colgroup")];
+    this.grid = make("table", {}, [make("caption", { class: "hidden" }, [title]), this.widths, this.head, this.body]);
+    this.scroll = make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": `rows of ${title}` }, [this.grid]);
     this.scroll.addEventListener("scroll", () => this.draw());
     this.body.addEventListener("click", (event) => this.clicked(event.target.closest("tr")));
-    this.body.addEventListener("keydown", (event) => this.pressed(event));
-    this.element.append(make("h2", { id: `${id}-title` }, [title]), ...(about ? [make("p", { class: "about" }, [about])] : []),
-      make("div", { class: "tools" }, [this.count, this.chip]), this.scroll);
+    this.scroll.addEventListener("keydown", (event) => this.pressed(event));
+    const bar = make("div", { class: "bar" }, [this.input, ...this.chips, ...all, button("CSV", () => save(`${this.content.id}.csv`, this.csv(), "text/csv")), this.count]);
+    this.element.replaceChildren(bar, ...(about ? [make("p", { class: "note" }, [rich(about)])] : []), this.scroll);
+    this.describe();
+    this.refresh();
   }
 
-  titles() {
-    this.heads = this.columns.map((column, k) => {
-      const button = make("button", { type: "button" });
-      button.addEventListener("click", () => this.sortBy(k));
-      return make("th", { scope: "col", ...(isText(column) ? { class: "name" } : {}), ...(column.about ? { title: column.about } : {}) }, [button]);
-    });
-    return make("tr", {}, this.heads);
+  toggle() {
+    this.hasAll = !this.hasAll;
+    this.build();
   }
 
-  filterRow() {
-    const cells = this.columns.map((column, k) => {
-      const input = column.quantity === "choice" && column.choices.length <= 30 ? this.choiceFilter(column) : this.textFilter(column);
-      input.addEventListener("input", () => this.setFilter(k, input));
-      return make("td", {}, [input]);
-    });
-    return make("tr", { class: "filters" }, cells);
-  }
-
-  choiceFilter(column) {
-    const options = ["", ...column.choices].map((text) => make("option", { value: text }, [text || "all"]));
-    return make("select", { "aria-label": `filter ${this.content.title}: ${column.title}` }, options);
-  }
-
-  textFilter(column) {
-    const hint = isText(column) ? "part of the text" : "> 3, < 0.5, 1..2, or between bars for the size: |> 3|";
-    return make("input", { type: "text", title: hint, placeholder: isText(column) ? "" : ">", "aria-label": `filter ${this.content.title}: ${column.title} (${hint})` });
-  }
-
-  setFilter(k, input) {
-    const [column, text] = [this.columns[k], input.value.trim()];
-    const wish = text.toLowerCase();
-    if (!text) this.filters[k] = null;
-    else if (input.tagName === "SELECT") this.filters[k] = () => {
-      const wanted = column.choices.indexOf(text);
-      return (row) => column.values[row] === wanted;
-    };
-    else if (isText(column)) this.filters[k] = () => (row) => this.text(column, row).toLowerCase().includes(wish);
-    else {
-      const keeps = numberFilter(text);
-      input.toggleAttribute("aria-invalid", keeps === null);
-      this.filters[k] = keeps && (() => {
-        const number = this.numbers(column);
-        return (row) => keeps(number(row));
-      });
-    }
+  /** Shows the rows that a filter keeps. */
+  setFilter(text, isTyped = false) {
+    this.filter = text;
+    if (!isTyped) this.input.value = text;
+    this.chips.forEach((chip) => chip.setAttribute("aria-pressed", String(chip.dataset.filter === text)));
     this.scroll.scrollTop = 0;
     this.refresh();
   }
 
-  sortBy(k) {
-    const first = this.columns[k].by_size ? -1 : 1;
-    if (this.order?.column !== k) this.order = { column: k, sign: first };
-    else this.order = this.order.sign === first ? { column: k, sign: -first } : null;
+  /** The rows that pass all of the words and comparisons of a filter. */
+  rowsOf(filter) {
+    const tests = filter.trim().split(/\s+/).filter(Boolean).map((word) => this.test(word));
+    const rows = [];
+    for (let row = 0; row < this.size; row += 1) if (tests.every((test) => test(row))) rows.push(row);
+    return rows;
+  }
+
+  test(word) {
+    const found = word.match(/^\|?([^|<>=]+)\|?(<=|>=|<|>|=)(-?[\d.,]+)$/);
+    const key = found && found[1].replaceAll("_", " ").toLowerCase();
+    const column = found && this.content.columns.find((item) => item.key.toLowerCase() === key || item.title.toLowerCase() === key);
+    if (column && !isText(column)) {
+      const bound = Number(found[3].replace(",", "."));
+      const size = word.startsWith("|") ? Math.abs : (value) => value;
+      const compare = { "<": (v) => v < bound, ">": (v) => v > bound, "<=": (v) => v <= bound, ">=": (v) => v >= bound, "=": (v) => v === bound }[found[2]];
+      return (row) => compare(size(this.number(column, row)));
+    }
+    const wish = word.toLowerCase();
+    const texts = this.content.columns.filter(isText);
+    const point = this.names.findIndex((name) => name.toLowerCase() === wish);
+    if (point >= 0) {
+      const ends = texts.filter((item) => item.quantity === "point");
+      if (ends.length) return (row) => ends.some((item) => item.values[row] === point);
+    }
+    return (row) => texts.some((item) => String(this.text(item, row)).toLowerCase().includes(wish));
+  }
+
+  sortBy(column) {
+    const first = column.by_size ? -1 : 1;
+    if (this.order?.key !== column.key) this.order = { key: column.key, sign: first };
+    else this.order = this.order.sign === first ? { key: column.key, sign: -first } : null;
+    this.describe();
     this.refresh();
   }
 
-  /** The rows that are shown, in their order. */
   refresh() {
-    const tests = this.filters.filter(Boolean).map((filter) => filter());
-    if (this.point !== null) tests.unshift(this.ofPoint(this.point));
-    const rows = [];
-    for (let row = 0; row < this.size; row += 1) {
-      if (tests.every((test) => test(row))) rows.push(row);
-    }
-    this.rows = this.order ? this.sorted(rows) : rows;
-    this.describe();
+    this.rows = this.sorted(this.rowsOf(this.filter));
+    this.count.textContent = this.rows.length === this.size ? `${this.size} rows` : `${this.rows.length} of ${this.size} rows`;
+    this.grid.setAttribute("aria-rowcount", String(this.rows.length + 1));
     this.draw(true);
   }
 
   sorted(rows) {
-    const { column: k, sign } = this.order;
-    const column = this.columns[k];
+    const column = this.order && this.content.columns.find((item) => item.key === this.order.key);
+    if (!column) return rows;
+    const { sign } = this.order;
     if (isText(column)) {
-      const texts = new Map(rows.map((row) => [row, this.text(column, row)]));
+      const texts = new Map(rows.map((row) => [row, String(this.text(column, row))]));
       const collator = new Intl.Collator(undefined, { numeric: true });
       return rows.sort((a, b) => sign * collator.compare(texts.get(a), texts.get(b)) || a - b);
     }
@@ -144,133 +133,115 @@ class Table {
     return numbers.concat(rows.filter((row) => Number.isNaN(key[row])));
   }
 
-  /** Whether a row names a point. */
-  ofPoint(point) {
-    const columns = this.columns.filter((column) => column.quantity === "point");
-    return (row) => columns.some((column) => column.values[row] === point);
-  }
-
-  get hasPoints() {
-    return this.columns.some((column) => column.quantity === "point");
-  }
-
+  /** Titles with their units, and widths of the columns. */
   describe() {
-    this.columns.forEach((column, k) => {
+    const cells = this.columns.map((column) => {
       const unit = titleUnit(column);
-      const title = unit ? `${column.title} (${unit})` : column.title;
-      this.heads[k].firstChild.textContent = title;
-      this.heads[k].dataset.title = title; // what paper repeats on each sheet: it takes no buttons
-      const sign = this.order?.column === k ? this.order.sign : 0;
-      this.heads[k].setAttribute("aria-sort", sign ? (sign > 0 ? "ascending" : "descending") : "none");
+      const sign = this.order?.key === column.key ? this.order.sign : 0;
+      const title = make("button", { type: "button", ...(column.about ? { title: column.about } : {}) }, [column.title, sign ? (sign > 0 ? " ▴" : " ▾") : "", ...(unit ? [make("small", {}, [unit])] : [])]);
+      title.addEventListener("click", () => this.sortBy(column));
+      return make("th", { scope: "col", "aria-sort": sign ? (sign > 0 ? "ascending" : "descending") : "none", ...(isText(column) ? { class: "t" } : {}) }, [title]);
     });
-    const all = this.rows.length === this.size;
-    this.count.textContent = all ? `${this.size} rows` : `${this.rows.length} of ${this.size} rows`;
-    this.chip.hidden = this.point === null;
-    this.chip.textContent = this.point === null ? "" : `point ${this.names[this.point]} ✕ show all`;
-    this.measure();
-    this.table.setAttribute("aria-rowcount", String(this.rows.length + 2));
-  }
-
-  /** Gives columns their widths; they stay while units and language do, whatever is filtered or sorted. */
-  measure() {
-    const shownIn = Object.values(settings).join(" ");
-    if (this.shownIn !== shownIn) this.widths.replaceChildren(...this.measured());
-    this.shownIn = shownIn;
-  }
-
-  /** Widths of columns from their longest texts: those of a sample of the rows. */
-  measured() {
-    const step = Math.max(1, Math.floor(this.size / SAMPLE));
+    this.head.replaceChildren(make("tr", {}, cells));
     let total = 0;
-    const elements = this.columns.map((column, k) => {
-      let longest = Math.min(14, Math.max(...this.heads[k].textContent.split(" ").map((word) => word.length)) + 2);
+    const step = Math.max(1, Math.floor(this.size / SAMPLE));
+    const widths = this.columns.map((column) => {
+      let longest = Math.min(14, Math.max(...`${column.title}  `.split(" ").map((word) => word.length)) + 2);
       for (let row = 0; row < this.size; row += step) longest = Math.max(longest, String(this.text(column, row)).length);
-      const width = Math.max(5, Math.min(longest, column.quantity === "text" ? 70 : 30)) + 2.5;
+      const width = Math.max(5, Math.min(longest, column.quantity === "text" ? 70 : 30)) + 3.5 + (column.bar ? 7 : 0);
       total += width;
       return make("col", { style: `width:${width}ch` });
     });
-    this.table.style.width = `${total}ch`;
-    return elements;
+    this.widths.replaceChildren(...widths);
+    this.grid.style.minWidth = `${total}ch`;
   }
 
   draw(force = false) {
-    if (!this.element.isConnected) return;
     const height = Table.rowHeight;
-    const seen = Math.ceil(((this.last && this.scroll.clientHeight) || TALLEST) / height);
+    const seen = Math.ceil((this.scroll.clientHeight || TALLEST) / height);
     const first = Math.max(0, Math.min(Math.floor(this.scroll.scrollTop / height), this.rows.length - seen) - BESIDE);
     const last = Math.min(this.rows.length, first + seen + 2 * BESIDE);
     if (!force && first === this.first && last === this.last) return;
     Object.assign(this, { first, last });
-    this.show(first, last, height);
-  }
-
-  /** Takes the height of all rows from one that is drawn: asking for each table would lay the page out each time. */
-  measureRow() {
-    Table.rowHeight = this.body.querySelector("tr[data-row]")?.getBoundingClientRect().height || Table.rowHeight;
-  }
-
-  show(first, last, height) {
     const rows = this.rows.slice(first, last).map((row, k) => this.row(row, first + k));
     const space = (count) => count > 0 ? [make("tr", { class: "space", "aria-hidden": "true" }, [make("td", { colspan: this.columns.length, style: `height:${count * height}px` })])] : [];
     this.body.replaceChildren(...space(first), ...rows, ...space(this.rows.length - last));
   }
 
   row(row, place) {
-    const cells = this.columns.map((column) => this.cell(column, row));
-    const unused = this.content.unused?.[row] ? { class: "unused" } : {};
-    return make("tr", { "data-row": row, "aria-rowindex": place + 3, tabindex: this.hasPoints ? "0" : "-1", "aria-selected": String(row === this.picked), ...unused }, cells);
+    const style = [this.content.unused?.[row] ? "off" : "", this.content.suspected?.includes(row) ? "hot" : ""].join(" ").trim();
+    return make("tr", { "data-row": row, "aria-rowindex": place + 2, "aria-selected": String(this.picked.has(row)), ...(style ? { class: style } : {}) }, this.columns.map((column) => this.cell(column, row)));
   }
 
   cell(column, row) {
     const text = String(this.text(column, row));
-    const alarm = column.limit !== undefined && Math.abs(column.values[row] ?? 0) > column.limit;
-    const style = [isText(column) ? "name" : "", alarm ? "alarm" : ""].join(" ").trim();
-    return make("td", { ...(style ? { class: style } : {}), ...(text.length > 24 ? { title: text } : {}) }, [text]);
+    const value = column.values[row];
+    const alarm = column.limit !== undefined && Math.abs(value ?? 0) > column.limit;
+    const style = [isText(column) ? "t" : "", alarm ? "alarm" : ""].join(" ").trim();
+    const drawn = column.bar && value !== null ? [bar(column.bar, value, column.limit ?? this.content.limit ?? 3.29)] : [];
+    return make("td", { ...(style ? { class: style } : {}), ...(text.length > 24 ? { title: text } : {}) }, [text, ...drawn]);
+  }
+
+  get isLinked() {
+    return Boolean(this.content.rows) || this.content.columns.some((column) => column.quantity === "point");
+  }
+
+  /** What a row stands for: an observation, or the first point that it names. */
+  selectionOf(row) {
+    if (this.content.rows && this.content.rows !== "point") return { table: this.content.id, row };
+    const column = this.content.columns.find((item) => item.quantity === "point" && item.values[row] !== null);
+    return column ? { point: column.values[row] } : {};
   }
 
   clicked(element) {
-    if (!element?.dataset.row || !this.hasPoints) return;
-    const row = Number(element.dataset.row);
-    const points = this.columns.filter((column) => column.quantity === "point").map((column) => column.values[row]);
-    this.select({ table: this.content.id, row, points: points.filter((point) => point !== null) });
+    if (element?.dataset.row && this.isLinked) this.choose(this.selectionOf(Number(element.dataset.row)), this.content.id);
   }
 
   pressed(event) {
-    const element = event.target.closest("tr[data-row]");
-    if (event.key === "Enter") this.clicked(element);
-    const next = { ArrowDown: element?.nextElementSibling, ArrowUp: element?.previousElementSibling }[event.key];
-    if (next?.dataset.row) {
-      next.focus();
-      event.preventDefault();
-    }
+    const by = { ArrowDown: 1, ArrowUp: -1, PageDown: 12, PageUp: -12 }[event.key];
+    if (!by || !this.rows.length || !this.isLinked) return;
+    const now = this.rows.findIndex((row) => this.picked.has(row));
+    const next = Math.max(0, Math.min(this.rows.length - 1, now < 0 ? 0 : now + by));
+    this.choose(this.selectionOf(this.rows[next]), this.content.id);
+    this.bring();
+    event.preventDefault();
   }
 
   /** Follows a selection made here or elsewhere. */
-  follow(selection) {
-    this.picked = selection.table === this.content.id ? selection.row : this.rowOf(selection);
-    const point = selection.only && this.hasPoints ? selection.only.point : null;
-    if (point !== this.point) {
-      this.point = point;
-      this.scroll.scrollTop = 0;
-      this.refresh();
-    } else this.draw(true);
-    if (selection.table !== this.content.id) this.bring();
-  }
-
-  rowOf(selection) {
-    return selection.table === undefined && selection.row !== undefined && this.content.id === "observations" ? selection.row : -1;
+  follow(selection, isOwn) {
+    this.picked = new Set();
+    if (selection.table === this.content.id) this.picked.add(selection.row);
+    else if (selection.point !== undefined && this.content.rows === "point") this.picked.add(this.content.columns.find((item) => item.quantity === "point").values.indexOf(selection.point));
+    this.draw(true);
+    if (!isOwn) this.bring();
   }
 
   /** Scrolls to the selected row. */
   bring() {
-    const place = this.picked < 0 ? -1 : this.rows.indexOf(this.picked);
-    if (place >= 0) this.scroll.scrollTop = Math.max(0, place - 3) * Table.rowHeight;
+    const place = this.rows.findIndex((row) => this.picked.has(row));
+    const height = Table.rowHeight;
+    const [top, room] = [this.scroll.scrollTop, this.scroll.clientHeight - 2 * height];
+    if (place >= 0 && (place * height < top || place * height > top + room)) this.scroll.scrollTop = Math.max(0, place - 3) * height;
+    this.draw(true);
   }
 
-  /** All rows for paper, at most so many; `draw` takes them away again. */
-  print() {
-    this.show(0, Math.min(this.rows.length, MOST_PRINTED), 0);
-    const hidden = this.rows.length - MOST_PRINTED;
-    this.count.textContent = hidden > 0 ? `${hidden} more rows are in the listing` : "";
+  /** The rows that are shown, all columns, as text of a file. */
+  csv() {
+    const safe = (text) => (/^[=+@\t\r]|^-(?![\d.])/.test(text) ? `'${text}` : text);
+    const quoted = (value) => `"${safe(String(value)).replaceAll('"', '""')}"`;
+    const columns = this.content.columns;
+    const titles = columns.map((column) => quoted(titleUnit(column) ? `${column.title} (${titleUnit(column)})` : column.title));
+    const lines = this.rows.map((row) => columns.map((column) => quoted(this.text(column, row))).join(","));
+    return `${[titles.join(","), ...lines].join("\n")}\n`;
   }
+}
+
+/** A value beside its number: w to both sides, a redundancy from nothing to all. */
+function bar(kind, value, limit) {
+  if (SIZES.has(kind)) {
+    const style = value < 0.1 ? "bad" : value < 0.3 ? "weak" : "ok";
+    return svg("svg", { class: "inline", width: 36, height: 10, "aria-hidden": "true" }, [svg("rect", { y: 2, width: 36, height: 6, class: "rail" }), svg("rect", { y: 2, width: Math.max(0.6, 36 * Math.min(1, value)), height: 6, class: `fill ${style}` })]);
+  }
+  const wide = Math.max(0.6, Math.min(1, Math.abs(value) / limit) * 21);
+  return svg("svg", { class: "inline", width: 46, height: 10, "aria-hidden": "true" }, [svg("path", { d: "M23 0v10", class: "axis" }), svg("rect", { x: value < 0 ? 23 - wide : 23, y: 2, width: wide, height: 6, class: Math.abs(value) > limit ? "fill bad" : "fill plain" })]);
 }

@@ -239,7 +239,7 @@ class Adjustment:
         records = points.records(self._ellipses())
         extras = zip(
             known_letters(points.points),
-            moves(points.points, points.coordinates, {item.name for item in self.replaced}),
+            moves(points.points, points.places, {item.name for item in self.replaced}),
             self._ellipsoids(),
             self._inner(),
             strict=True,

@@ -30,15 +30,15 @@ class AdjustedPoints:
 
     Attributes:
         points: The points as they were given.
-        coordinates: (n, 3) in the computation frame, m.
-        covariances: (n, 3, 3) in the computation frame, m^2.
-        crs_coordinates: (n, 3) in the system of the points.
+        places: (n, 3) in the computation frame, m: what was computed with, known or not.
+        covariances: (n, 3, 3) in the computation frame, m^2; 0 for what was held.
+        crs_coordinates: (n, 3) in the system of the points; NaN for what nothing observes.
         crs_precisions: (n, 3) m: along the axes of the system of the points; along east, north and up when
-            it is in degrees or grads.
+            it is in degrees or grads. NaN likewise.
     """
 
     points: Points
-    coordinates: FloatArray
+    places: FloatArray
     covariances: FloatArray
     crs_coordinates: FloatArray
     crs_precisions: FloatArray
@@ -49,9 +49,15 @@ class AdjustedPoints:
         return self.points.names
 
     @property
+    def coordinates(self) -> FloatArray:
+        """(n, 3) in the computation frame, m; NaN for what nothing observes."""
+        return np.where(self.points.is_invented, np.nan, self.places)
+
+    @property
     def precisions(self) -> FloatArray:
-        """(n, 3) standard deviations in the computation frame, m."""
-        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        """(n, 3) standard deviations in the computation frame, m; NaN likewise."""
+        found = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        return np.where(self.points.is_invented, np.nan, found)
 
     def records(self, ellipses: Iterable[EllipseRecord]) -> Iterator[PointRecord]:
         """Their entries in the record, each with its ellipse."""
@@ -59,7 +65,7 @@ class AdjustedPoints:
         numbers = [self.coordinates, self.precisions, self.crs_coordinates, self.crs_precisions]
         rows = np.hstack(numbers)
         invented = self.points.is_invented
-        rows[np.tile(invented, 4)] = upper[invented[:, ROWS] | invented[:, COLUMNS]] = np.nan
+        upper[invented[:, ROWS] | invented[:, COLUMNS]] = np.nan
         is_planless: list[bool] = np.asarray(invented[:, :2].any(axis=1)).tolist()
         for k, (name, ellipse) in enumerate(zip(self.names, ellipses, strict=True)):
             keys: dict[str, Any] = dict(zip(COORDINATES, _known(rows[k]), strict=True))

@@ -37,7 +37,7 @@ def check_counts(points: Points, book: FieldBook) -> None:
     """Raises InputError naming the points that have fewer observations than free coordinates."""
     observations, n = book.observations, len(points)
     count = book.counts(observations.active, n)
-    lacking = np.flatnonzero(count < points.is_free.sum(axis=1))
+    lacking = np.flatnonzero(count < points.is_unknown.sum(axis=1))
     if lacking.size:
         listed = ", ".join(f"{points.names[row]} ({count[row]})" for row in lacking[:LISTED])
         more = f" and {lacking.size - LISTED} more" if lacking.size > LISTED else ""

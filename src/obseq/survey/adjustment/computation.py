@@ -18,6 +18,7 @@ from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStat
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import operations
 from obseq.survey.adjustment.doubtful import doubtful_points
+from obseq.survey.adjustment.held_heights import held_heights_note
 from obseq.survey.adjustment.inner import inner_covariances
 from obseq.survey.adjustment.loose_motions import UNDETERMINED, loose_error, size_of
 from obseq.survey.adjustment.loose_parts import singular_parts
@@ -251,7 +252,8 @@ class Computation:
             notes=(
                 *of_unit_weight(self.unit_sigma, solution.sigma0),
                 *datum_note(equations.system.datum_defect, undetermined, len(start.points)),
-                *notes(self.frame, book, coordinates),
+                *held_heights_note(equations, self.point_system, start.points),
+                *notes(self.frame, book, coordinates, start.points.is_invented),
                 *equations.shared.sentences(solution, found.a_priori),
             ),
             phases={},
@@ -266,6 +268,7 @@ class Computation:
         given, axes, _ = self.point_system.coordinates_and_axes(coordinates, start.points.names)
         turned = axes @ covariances @ axes.transpose(0, 2, 1)
         precisions = np.sqrt(np.maximum(np.diagonal(turned, axis1=1, axis2=2), 0.0))
+        given, precisions = (np.where(start.points.is_invented, np.nan, part) for part in (given, precisions))
         return AdjustedPoints(start.points, coordinates, covariances, given, precisions)
 
 

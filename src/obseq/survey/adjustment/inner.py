@@ -71,7 +71,8 @@ def _freed(points: Points, coordinates: FloatArray, observed: BoolArray) -> Poin
 
     Those that are not observed (a mask) have no part.
     """
-    held = points.is_held & ~points.is_held.all(axis=1, keepdims=True) | ~observed[:, None]
+    invented = points.is_free & points.is_invented
+    held = points.is_held & ~points.is_held.all(axis=1, keepdims=True) | ~observed[:, None] | invented
     sigmas = np.where(held, 0.0, np.nan)
     return replace(points, coordinates=coordinates, sigmas=sigmas, datum=~held, covariance=None)
 

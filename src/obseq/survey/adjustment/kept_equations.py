@@ -81,8 +81,9 @@ def _are_alike(first: Points, other: Points) -> bool:
 
 
 def _are_known_alike(first: Points, other: Points) -> bool:
-    """Whether the same components are free, and the same held."""
-    return np.array_equal(first.is_free, other.is_free) and np.array_equal(first.is_held, other.is_held)
+    """Whether the same components are free, the same held, and the same unknown."""
+    parts = ("is_free", "is_held", "is_unknown")
+    return all(np.array_equal(getattr(first, part), getattr(other, part)) for part in parts)
 
 
 def _count_alike(first: Observations, other: Observations) -> bool:

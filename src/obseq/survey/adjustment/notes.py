@@ -12,7 +12,7 @@ from obseq.survey.kinds.registry import among, codes_where
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.records.adjustment import MotionRecord
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.model import FieldBook
@@ -25,11 +25,14 @@ SHOWN = 4
 """Points named in a sentence."""
 
 
-def notes(frame: Frame, book: FieldBook, coordinates: FloatArray) -> tuple[str, ...]:
-    """One sentence for each, of a network with its adjusted coordinates (n, 3) in the frame."""
+def notes(frame: Frame, book: FieldBook, coordinates: FloatArray, invented: BoolArray) -> tuple[str, ...]:
+    """One sentence for each, of a network with its adjusted coordinates in the frame; both (n, 3).
+
+    What is invented is not told.
+    """
     found = [*_refraction(frame, book, coordinates)]
     if frame.is_plane:
-        found += _plane(coordinates[_observed(book)])
+        found += _plane(np.where(invented, np.nan, coordinates)[_observed(book)])
     return tuple(found)
 
 
@@ -103,7 +106,9 @@ def _observed(book: FieldBook) -> IntArray:
 
 def _plane(coordinates: FloatArray) -> Iterator[str]:
     """What a plane leaves out of distances: the convergence of verticals, and arcs taken as straight."""
-    extent = np.ptp(coordinates, axis=0).round(4) if len(coordinates) else np.zeros(3)
+    none = np.full((1, 3), np.nan)
+    ends = [end.reduce(np.concatenate([none, coordinates])) for end in (np.fmax, np.fmin)]
+    extent = np.nan_to_num(ends[0] - ends[1]).round(4)
     across, rise = float(np.hypot(*extent[:2])), float(extent[2])
     neglected = across * rise / (2.0 * MEAN_RADIUS) + across**3 / (6.0 * MEAN_RADIUS**2)
     if neglected < LEAST_NEGLECTED:

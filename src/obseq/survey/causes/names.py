@@ -157,7 +157,7 @@ def _at(points: Points, row: int, adjusted: AdjustedPoints) -> tuple[str, float]
     there = points.coordinates[row]
     free = adjusted.points.is_free.all(axis=1)
     names = np.array([other != points.names[row] for other in adjusted.names])
-    gaps = np.where(np.isfinite(there), adjusted.coordinates - there, 0.0)
+    gaps = np.where(np.isfinite(there), adjusted.places - there, 0.0)
     if not np.isfinite(there).all():
         return None
     distances = np.linalg.norm(gaps, axis=1)
@@ -188,7 +188,7 @@ def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterat
     precisions = _precisions(adjusted)
     free = np.asarray(adjusted.points.is_free.all(axis=1), np.bool_)
     radius = min(_SAME * 2.0 * float(precisions.max(initial=0.0)), _FARTHEST)
-    places = np.where(np.isfinite(adjusted.coordinates), adjusted.coordinates, 0.0)
+    places = np.where(np.isfinite(adjusted.places), adjusted.places, 0.0)
     one, other = _pairs_within(places, radius).T
     distances = np.linalg.norm(places[one] - places[other], axis=1)
     is_one = distances <= _SAME * np.hypot(precisions[one], precisions[other])
@@ -219,7 +219,7 @@ def _of_left_out(
 
 def _fits(book: FieldBook, adjusted: AdjustedPoints, name: str, other: str) -> bool:
     """Whether all distances to a point, and there are some, are those to another one."""
-    rows, place = book.observations, dict(zip(adjusted.names, adjusted.coordinates, strict=True))
+    rows, place = book.observations, dict(zip(adjusted.names, adjusted.places, strict=True))
     chosen = rows.active & (rows.to_points == book.point_names.index(name))
     chosen &= among(rows.types, codes_for(Start.DISTANCE))
     if not chosen.any():

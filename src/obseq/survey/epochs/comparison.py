@@ -12,7 +12,7 @@ from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
-from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
+from obseq.leastsquares.statistics.hypothesis_tests import checked_probability, holm
 from obseq.printable import composed
 from obseq.records.adjustment import EllipseRecord
 from obseq.records.comparison import ComparisonRecord, DisplacementRecord, TestRecord
@@ -36,9 +36,9 @@ from obseq.survey.epochs.localisation import moved_references
 from obseq.survey.epochs.together import determine, motions_of, relative_to
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Callable, Collection, Iterator
 
-    from obseq.arrays import BoolArray
+    from obseq.arrays import BoolArray, FloatArray
 
     Epochs = tuple[Adjustment, Adjustment]
 
@@ -55,6 +55,8 @@ class Comparison:
     Attributes:
         displacements: along east, north and up of each point.
         tests: of each point; None for those that are held.
+        overall: (n,) probability of as large a test at any of the points that are tested one by one, where
+            none has moved (Holm); NaN for the others.
         congruence: of all that are tested together.
         reference: (n,) the points that are taken to have stayed; None when the datum is that of the epochs.
         moved: names of reference points that were found to have moved.
@@ -69,6 +71,7 @@ class Comparison:
 
     displacements: Displacements
     tests: tuple[TestRecord | None, ...]
+    overall: FloatArray
     congruence: TestRecord
     reference: BoolArray | None
     moved: tuple[str, ...]
@@ -89,22 +92,30 @@ class Comparison:
     def is_quiet(self) -> bool:
         """Whether nothing has moved, and each epoch agrees with its known points."""
         agree = all(epoch.is_complete and fits(epoch) for epoch in self.epochs)
-        return agree and self.congruence.passed and not self.significant
+        return agree and self.congruence.passed and not (self.significant or self.marginal)
 
     @property
     def significant(self) -> tuple[str, ...]:
-        """Names of the points that have moved for certain; none where obstacles forbid a verdict."""
+        """Names of the points that have moved for certain; none where obstacles forbid a verdict.
+
+        All points are judged together (Holm): the level is the probability of naming any that has not moved.
+        """
+        return self._failing(lambda row: self.overall[row] <= self.tester.level)
+
+    @property
+    def marginal(self) -> tuple[str, ...]:
+        """Names of the points that fail their own test, as some do by chance among many."""
+        return self._failing(lambda row: self.overall[row] > self.tester.level)
+
+    def _failing(self, chosen: Callable[[int], bool]) -> tuple[str, ...]:
+        """Of the points that fail their test; reference points that have stayed were tested together."""
         if self.obstacles:
             return ()
-        names = self.displacements.names
-        return tuple(name for row, name in enumerate(names) if self._has_moved(row))
-
-    def _has_moved(self, row: int) -> bool:
-        """Whether a point fails its test; reference points that have stayed were tested together."""
-        test = self.tests[row]
-        has_stayed = self.reference is not None and bool(self.reference[row])
-        is_decided = self.displacements.names[row] not in self.undecided
-        return test is not None and not test.passed and not has_stayed and is_decided
+        return tuple(
+            name
+            for row, (name, test) in enumerate(zip(self.displacements.names, self.tests, strict=True))
+            if test is not None and not test.passed and name not in self.undecided and chosen(row)
+        )
 
     def record(self) -> ComparisonRecord:
         """What the result file holds and the summary prints."""
@@ -140,7 +151,7 @@ class Comparison:
         moved, factor = self.displacements, self.tester.variance_factor
         blocks = np.array([factor * moved.block(row) for row in range(len(moved.names))]).reshape(-1, 3, 3)
         found = ellipses_of(moved.names, blocks, 1.0 - self.tester.level, self.tester.redundancy)
-        significant = set(self.significant)
+        significant, marginal = set(self.significant), set(self.marginal)
         axes = (found.semi_major.tolist(), found.semi_minor.tolist(), found.bearing.tolist())
         spreads = np.sqrt(np.clip(np.diagonal(blocks, axis1=1, axis2=2), 0.0, None))
         rows = zip(
@@ -170,6 +181,8 @@ class Comparison:
                 test=test,
                 is_reference=self.reference is not None and bool(self.reference[row]),
                 is_significant=name in significant,
+                is_marginal=name in marginal,
+                overall=None if np.isnan(self.overall[row]) else float(self.overall[row]),
             )
 
 
@@ -238,6 +251,7 @@ def _shown(found: Comparison, wanted: Collection[str]) -> Comparison:
         found,
         displacements=shown,
         tests=tuple(found.tests[row] for row in rows.tolist()),
+        overall=found.overall[rows],
         reference=None if staying is None else staying[rows],
         congruence=congruence(shown, shown.tested, found.tester) if staying is None else found.congruence,
     )
@@ -301,7 +315,29 @@ def _comparison(
         tester.of(local.vectors[row], local.block(row)) if local.tested[row] else None
         for row in range(len(local.names))
     )
-    return Comparison(local, tests, together, staying, (), _same_precision(*epochs, tester), tester, epochs)
+    return Comparison(
+        local,
+        tests,
+        _overall(tests, staying),
+        together,
+        staying,
+        (),
+        _same_precision(*epochs, tester),
+        tester,
+        epochs,
+    )
+
+
+def _overall(tests: tuple[TestRecord | None, ...], staying: BoolArray | None) -> FloatArray:
+    """(n,) what each test is worth among all of them; NaN for points that are held, or tested together."""
+    single = np.array([test is not None for test in tests])
+    if staying is not None:
+        single &= ~staying
+    found = np.full(len(tests), np.nan)
+    found[single] = holm(
+        [test.p_value for test, is_one in zip(tests, single, strict=True) if test and is_one]
+    )
+    return found
 
 
 def _frame(epochs: Epochs) -> Frame:

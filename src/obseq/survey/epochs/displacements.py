@@ -86,7 +86,7 @@ def displacements(first: Adjustment, second: Adjustment, names: tuple[str, ...])
             "compared at once; name those that matter (--points)"
         )
     rows = [_rows(epoch, names) for epoch in (first, second)]
-    places = [epoch.points.coordinates[row] for epoch, row in zip((first, second), rows, strict=True)]
+    places = [epoch.points.places[row] for epoch, row in zip((first, second), rows, strict=True)]
     q1, q2 = (cofactors(epoch, names, names) for epoch in (first, second))
     crossed = common(given(first, names), given(second, names))
     known = [epoch.points.points.subset(row) for epoch, row in zip((first, second), rows, strict=True)]

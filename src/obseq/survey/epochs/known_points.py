@@ -53,7 +53,7 @@ def by_observations(epoch: Adjustment, names: Sequence[str]) -> Adjustment | Non
     """
     computation = _computation(epoch)
     points, book = epoch.points.points, without_azimuths(epoch.book)[0]
-    places = np.where(_known(points)[:, None], points.coordinates, epoch.points.coordinates)
+    places = np.where(_known(points)[:, None], points.coordinates, epoch.points.places)
     free, book = join(freed(_released(points), places, Datum(DatumKind.INNER, tuple(names))), book)
     try:
         start = Determined(free, book, values_by(Graphs(), free, book, computation.frame.plumb))

@@ -180,9 +180,10 @@ def _all_values(
 
 
 def _is_level(points: Points) -> bool:
-    """Whether the heights are all given, and the same: a plane network."""
-    heights = points.coordinates[:, 2]
-    return len(points) > 0 and bool(points.is_held[:, 2].all() and (heights == heights[0]).all())
+    """Whether the heights are all given, and the same, or have no part: a plane network."""
+    has_part = ~points.is_invented[:, 2]
+    heights = points.coordinates[has_part, 2]
+    return len(points) > 0 and bool(points.is_held[has_part, 2].all() and (heights == heights[:1]).all())
 
 
 def _checked(
@@ -274,8 +275,10 @@ def _take_parts(known: Known, points: Points, hidden: BoolArray) -> None:
         middle = float(heights[has_height].mean()) if has_height.any() else 0.0
         for row, (x, y) in zip(flat.tolist(), given[flat, :2].tolist(), strict=True):
             known.positions[row], known.point_steps[row] = (x, y, middle), GIVEN
+            known.has_height[row] = bool(points.is_invented[row, 2])
     rows = np.flatnonzero(has_height & ~has_plan)
     known.given_heights = dict(zip(rows.tolist(), heights[rows].tolist(), strict=True))
+    known.level = frozenset(np.flatnonzero(points.is_invented[:, 2]).tolist())
 
 
 def _parts_given(known: Known, points: Points, hidden: BoolArray) -> FloatArray:

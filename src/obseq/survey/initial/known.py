@@ -81,7 +81,8 @@ class Known:
 
     `is_settled[p]` is true once others may use the position of p.
 
-    `given_heights[p]` is the height that the file gives of a point without horizontal position.
+    `given_heights[p]` is the height that the file gives of a point without horizontal position. `level` has
+    the points whose heights are to be that of the reference point: nothing is known of them.
 
     `positions[p]` is set once the horizontal position is known (on the plumb line of p, at a provisional
     height while `has_height[p]` is false). `height(p)` is a height above the reference point, along mean
@@ -108,6 +109,7 @@ class Known:
         self.azimuth_sigmas: list[float] = [0.0] * n_stations
         self.origins: Sequence[int] = ()
         self.given_heights: dict[int, float] = {}
+        self.level: frozenset[int] = frozenset()
 
     def is_placed(self, point: int) -> bool:
         """True when the three coordinates are known, and settled."""

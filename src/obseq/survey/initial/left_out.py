@@ -122,7 +122,7 @@ def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) 
     rows, n = given.book.observations, len(given.points)
     active = _still_active(given, bad_points, bad_stations)
     count = given.book.counts(active, n)
-    free = given.points.is_free.sum(axis=1)
+    free = given.points.is_unknown.sum(axis=1)
     zeros = unknown_zeros(given.points, given.book, given.initial.orientations, active)
     lacking = np.flatnonzero((count < free + zeros) & ~bad_points).tolist()
     if not lacking:
@@ -155,8 +155,8 @@ def _refuse_nothing(
     given: Determined, bad_points: BoolArray, active: BoolArray, found: Sequence[Unplaced]
 ) -> None:
     """Raises when no unknown or no observation remains."""
-    unknown = given.points.is_free.any(axis=1) & ~bad_points
-    if active.any() and (unknown.any() or not given.points.is_free.any()):
+    unknown = given.points.is_unknown.any(axis=1) & ~bad_points
+    if active.any() and (unknown.any() or not given.points.is_unknown.any()):
         return
     listed = [f"  {item.what}: {item.reason}" for item in found[:20]]
     rows = given.book.observations

@@ -62,7 +62,7 @@ class LocalFrames:
     def __init__(self, known: Known, graph: SightGraph, ways: PlumbWays) -> None:
         self.known, self.graph, self.ways = known, graph, ways
         self.scratch = Known(known.names, len(graph.origins), None)
-        self.scratch.origins = graph.origins
+        self.scratch.origins, self.scratch.level = graph.origins, known.level
         self._in_vain: dict[int, tuple[list[int], list[int]]] = {}
 
     def place(self) -> list[int]:

@@ -107,6 +107,8 @@ def collect(
     given = known.given_heights.get(point)
     if given is not None and known.reference is not None:
         found.append(Relation(Measured.LEVEL, known.reference, given - known.reference_height, ()))
+    elif point in known.level and known.reference is not None:
+        found.append(Relation(Measured.LEVEL, known.reference, 0.0, ()))
     for other, difference, row in graph.height_differences[point]:
         height = known.height(other)
         if height is not None:

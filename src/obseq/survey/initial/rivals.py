@@ -61,7 +61,7 @@ def contest_of(
     if choice is None:
         return None
     active = book.observations.active
-    unknowns = points.is_free.sum(axis=1) + unknown_zeros(points, book, orientations, active)
+    unknowns = points.is_unknown.sum(axis=1) + unknown_zeros(points, book, orientations, active)
     rows = np.flatnonzero(book.counts(active, len(points)) > unknowns).tolist()
     open_rows = [row for row in rows if points.names[row] not in choice.undecided]
     return Contest(open_rows, points.names, choice)

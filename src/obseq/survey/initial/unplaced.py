@@ -99,7 +99,7 @@ def _reason(known: Known, graph: SightGraph, best: BestPosition | None, linked: 
     if best is not None and best.alternatives:
         places = " or ".join(f"({x:.3f}, {y:.3f}, {z:.3f})" for x, y, z in best.alternatives[:3])
         return f"its observations fit several positions equally well: {places}; one more observation decides"
-    relations = collect(known, graph, point)
+    relations = [relation for relation in collect(known, graph, point) if relation.rows]
     if not relations:
         return _unhelpful_neighbours(known, graph, point, neighbours)
     has = listed(known, relations)

@@ -88,7 +88,7 @@ DH = HeightDifference(
     needs_deflections=True,
 )
 DIST_HZ0 = ReducedDistance(
-    "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", takes_heights=False
+    "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", start=Start.FLAT, takes_heights=False
 )
 DIST_HZ = HorizontalDistance(
     "DistHz",

@@ -77,7 +77,7 @@ def placed(network: Network) -> Network:
     if not adjustment.converged or adjustment.gross_errors:
         raise InputError(f"{lacking}, and the observed values do not agree with each other")
     rows = np.asarray(points.is_free.any(axis=1))
-    coordinates = np.where(rows[:, None], adjustment.points.coordinates, points.coordinates)
+    coordinates = np.where(rows[:, None], adjustment.points.places, points.coordinates)
     book = network.book.warned(*sentences_of(adjustment.replaced))
     return replace(network, points=replace(points, coordinates=coordinates), book=book)
 

@@ -1,6 +1,6 @@
 """One simulated job of two total stations in every format of field books, from one truth.
 
-python tools/field_books.py FOLDER
+python tools/benchmarks/field_books.py FOLDER
 
 Both faces, heights of both ends, collimation and index errors of each instrument, noise, and one target
 height that is written wrong. Readings are whole arc seconds and millimetres, which every format can write.
@@ -114,27 +114,23 @@ def gsi(setups: list[SetUp]) -> Iterator[str]:
 def jobxml(setups: list[SetUp]) -> Iterator[str]:
     """Trimble JobXML, distances without the prism constant."""
     prism, number = -0.034, 0
-    yield '<?xml version="1.0" encoding="UTF-8"?>\n<JOBFile jobName="job" version="5.60"><FieldBook>'
+    yield '<?xml version="1.0" encoding="UTF-8"?>\n<JOBFile jobName="job" version="5.60">\n<FieldBook>'
     for k, setup in enumerate(setups):
-        yield f"<InstrumentRecord><Model>{setup.instrument}</Model></InstrumentRecord>"
-        yield (
-            f'<StationRecord ID="s{k}"><StationName>{setup.point}</StationName>'
-            f"<TheodoliteHeight>{setup.height}</TheodoliteHeight></StationRecord>"
-        )
+        yield f"<InstrumentRecord>\n<Model>{setup.instrument}</Model>\n</InstrumentRecord>"
+        yield f'<StationRecord ID="s{k}">\n<StationName>{setup.point}</StationName>'
+        yield f"<TheodoliteHeight>{setup.height}</TheodoliteHeight>\n</StationRecord>"
         for shot in setup.shots:
             number += 1
-            yield (
-                f'<TargetRecord ID="t{number}"><PrismConstant>{prism}</PrismConstant>'
-                f"<TargetHeight>{shot.height}</TargetHeight></TargetRecord>\n"
-                f'<PointRecord ID="p{number}"><Name>{shot.target}</Name><Method>DirectReading</Method>'
-                "<Classification>Normal</Classification><Deleted>false</Deleted><Circle>"
-                f"<HorizontalCircle>{shot.circle / 3600:.12f}</HorizontalCircle>"
-                f"<VerticalCircle>{shot.vertical / 3600:.12f}</VerticalCircle>"
-                f"<EDMDistance>{shot.distance / 1e3 - prism:.4f}</EDMDistance><Face>Face{shot.face}</Face>"
-                "</Circle>"
-                f"<StationID>s{k}</StationID><TargetID>t{number}</TargetID></PointRecord>"
-            )
-    yield "</FieldBook></JOBFile>"
+            yield f'<TargetRecord ID="t{number}">\n<PrismConstant>{prism}</PrismConstant>'
+            yield f"<TargetHeight>{shot.height}</TargetHeight>\n</TargetRecord>"
+            yield f'<PointRecord ID="p{number}">\n<Name>{shot.target}</Name>\n<Method>DirectReading</Method>'
+            yield "<Classification>Normal</Classification>\n<Deleted>false</Deleted>\n<Circle>"
+            yield f"<HorizontalCircle>{shot.circle / 3600:.12f}</HorizontalCircle>"
+            yield f"<VerticalCircle>{shot.vertical / 3600:.12f}</VerticalCircle>"
+            yield f"<EDMDistance>{shot.distance / 1e3 - prism:.4f}</EDMDistance>"
+            yield f"<Face>Face{shot.face}</Face>\n</Circle>"
+            yield f"<StationID>s{k}</StationID>\n<TargetID>t{number}</TargetID>\n</PointRecord>"
+    yield "</FieldBook>\n</JOBFile>"
 
 
 def sdr(setups: list[SetUp]) -> Iterator[str]:

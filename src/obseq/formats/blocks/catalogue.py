@@ -1,0 +1,116 @@
+"""Blocks of other programs: an option of `obseq bundle` each, what it takes, what reads it.
+
+A line here is all that a format needs to be known by the command and its help. A reader is loaded when it is
+asked for.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from obseq.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from obseq.images.bundle import BundleAdjustment
+
+
+class Sigmas(Enum):
+    """What files say of how good image points are.
+
+    `NONE`: nothing: one pixel unless the user says it. `ALL`: it of every one. `SOME`: it of most, or of all
+    together; the reader takes a sigma for the rest. `ASKED`: nothing, and the user must say it.
+    """
+
+    NONE = "none"
+    ALL = "all"
+    SOME = "some"
+    ASKED = "asked"
+
+
+@dataclass(frozen=True)
+class BlockFormat:
+    """A format of blocks.
+
+    Attributes:
+        option: of the command, without dashes.
+        takes: `FILE` or `DIR`.
+        holds: what it is, for people.
+        reader: module and function, which takes a path.
+        sigmas: what its files say of image points.
+        options: of the command that the reader takes, by the name of its argument.
+    """
+
+    option: str
+    takes: str
+    holds: str
+    reader: str
+    sigmas: Sigmas = Sigmas.NONE
+    options: tuple[tuple[str, str], ...] = ()
+
+    def read(self, path: Path, given: Mapping[str, Any]) -> BundleAdjustment:
+        """The block of a file or folder, with options of the command."""
+        module, _, name = self.reader.partition(":")
+        reader = getattr(import_module(f"obseq.{module}"), name)
+        chosen = {argument: given[option] for argument, option in self.options if given[option] is not None}
+        found = reader(path, **chosen)
+        block: BundleAdjustment = found[0] if isinstance(found, tuple) else found
+        return block
+
+
+IMAGE_SIGMA = ("image_sigma", "image_sigma")
+BLOCKS = (
+    BlockFormat("bal", "FILE", "a problem of Bundle Adjustment in the Large", "formats.bal.reader:read_bal"),
+    BlockFormat("bundler", "FILE", "a bundle.out of Bundler", "formats.bundler.reader:read_bundler"),
+    BlockFormat(
+        "colmap", "DIR", "a sparse model of COLMAP, text or binary", "formats.colmap.reader:read_colmap"
+    ),
+    BlockFormat(
+        "metashape",
+        "FILE",
+        "cameras and markers of Metashape (XML), or a project (.psx, .psz)",
+        "formats.metashape.reader:read_metashape",
+        Sigmas.SOME,
+        (("chunk", "chunk"), IMAGE_SIGMA, ("control_sigma", "control_sigma")),
+    ),
+    BlockFormat("dbat", "FILE", "a script of DBAT (XML)", "formats.dbat.reader:read_dbat", Sigmas.ALL),
+    BlockFormat(
+        "photomodeler",
+        "FILE",
+        "a text export of PhotoModeler",
+        "formats.photomodeler.reader:read_photomodeler",
+        Sigmas.SOME,
+        (("size", "size"), ("mark_sigma", "image_sigma")),
+    ),
+    BlockFormat(
+        "aicon",
+        "DIR",
+        "files of AICON 3D Studio (needs --image-sigma)",
+        "formats.aicon.reader:read_aicon",
+        Sigmas.ASKED,
+        (IMAGE_SIGMA,),
+    ),
+    BlockFormat(
+        "micmac",
+        "DIR",
+        "a folder of orientations of MicMac v1, with --micmac-measures and --micmac-points",
+        "project:read_v1_block",
+        Sigmas.SOME,
+        (("measures", "micmac_measures"), ("points", "micmac_points"), IMAGE_SIGMA),
+    ),
+    BlockFormat(
+        "opensfm",
+        "DIR",
+        "a reconstruction of OpenSfM or ODM, with its tracks, gcp_list.txt and geo.txt",
+        "formats.opensfm.reader:read_opensfm",
+    ),
+    BlockFormat("nvm", "FILE", "a model of VisualSFM", "formats.nvm.reader:read_nvm"),
+    BlockFormat("openmvg", "FILE", "a scene of OpenMVG (.json)", "formats.openmvg.reader:read_openmvg"),
+    BlockFormat(
+        "meshroom", "FILE", "a scene of Meshroom (.sfm, .json)", "formats.meshroom.reader:read_meshroom"
+    ),
+)

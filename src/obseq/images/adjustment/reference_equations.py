@@ -1,0 +1,111 @@
+"""Antennas and rolling shutters in the system of a block of images."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.errors import InputError
+from obseq.images.names import index_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray, IntArray
+    from obseq.images.block import Block
+    from obseq.images.references import Antenna, Shutter
+    from obseq.leastsquares import Batch, LeastSquares
+    from obseq.leastsquares.problem.priors import Prior
+
+ANTENNAS = "antennas"
+LEVER_ARMS = "lever arms"
+READOUTS = "readouts"
+
+
+class AntennaEquations:
+    """The antenna of a receiver in a system.
+
+    Attributes:
+        antenna: of the images that are adjusted.
+        lever: (1,) block of its lever arm; none where the antenna is the projection centre.
+        rows: (n,) images.
+        source: the equations.
+    """
+
+    def __init__(
+        self, system: LeastSquares, antenna: Antenna, images: Sequence[str], poses: tuple[IntArray, IntArray]
+    ) -> None:
+        self.antenna = own = antenna.of(set(images))
+        self.rows = index_of(images, own.images, f"antenna {own.name}: image")
+        self.lever = np.zeros(0, dtype=np.int64)
+        self.source: Batch | Prior | None = None
+        if not own.images:
+            return
+        if own.is_central:
+            centres = poses[0][self.rows]
+            self.source = system.add_prior(centres, own.positions, own.sigmas, ANTENNAS)
+            return
+        self.lever = system.add_points([f"lever arm {own.name}"], own.lever_arm[None])
+        held_or_observed(system, self.lever, own.lever_arm, own.lever_sigmas, LEVER_ARMS)
+        blocks = {
+            "camera.centre": poses[0][self.rows],
+            "camera.rotation": poses[1][self.rows],
+            "lever": np.repeat(self.lever, len(self.rows)),
+        }
+        labels = [f"antenna {own.name}, image {image}" for image in own.images]
+        self.source = system.add("AntennaPosition", blocks, own.positions, own.sigmas, labels, ANTENNAS)
+
+
+class ShutterEquations:
+    """A rolling shutter in a system: the unknown of its readout, and what its image points take.
+
+    Attributes:
+        shutter: what is known.
+        readout: (1,) block of its readout.
+        row_of: rows of its velocities by image, a position in the images of the block.
+    """
+
+    def __init__(self, system: LeastSquares, shutter: Shutter, images: Sequence[str]) -> None:
+        self.shutter = shutter
+        self.readout = system.add_vectors([f"shutter {shutter.name}"], [[shutter.readout]], ["readout"])
+        known = {image: row for row, image in enumerate(shutter.images)}
+        self.row_of = {k: known[image] for k, image in enumerate(images) if image in known}
+        value, sigma = np.array([shutter.readout]), np.array([shutter.sigma])
+        held_or_observed(system, self.readout, value, sigma, READOUTS)
+
+    def observations(self, xy: FloatArray, images: IntArray, height: int) -> FloatArray:
+        """(n, 6) what the equations of image points (n, 2) in images (n,) take: pixel, velocity, height."""
+        rows = [self.row_of[image] for image in images.tolist()]
+        return np.column_stack([xy, self.shutter.velocities[rows], np.full(len(xy), float(height))])
+
+
+def held_or_observed(
+    system: LeastSquares, block: IntArray, values: FloatArray, sigmas: FloatArray, group: str
+) -> None:
+    """Holds the components (k,) of a block whose sigma is 0, and observes those whose sigma is finite."""
+    held = np.flatnonzero(sigmas == 0.0).tolist()
+    if held:
+        system.freeze(block, held)
+    spread = np.where(sigmas == 0.0, np.inf, sigmas)
+    if np.isfinite(spread).any():
+        system.add_prior(block, values[None], spread[None], group)
+
+
+def shutters_of(system: LeastSquares, block: Block, images: Sequence[str]) -> list[ShutterEquations]:
+    """The rolling shutters of a block, whose cameras and images are checked.
+
+    Raises:
+        InputError: a camera has no size, or is one whose equation does not roll; an image is not its own.
+    """
+    for shutter in block.shutters:
+        wrong = [image for image in shutter.images if block.camera_of.get(image) != shutter.name]
+        if wrong:
+            raise InputError(f"shutter of {shutter.name}: image {wrong[0]} is not of this camera")
+        camera = block.cameras[shutter.name]
+        if not (camera.height and camera.is_mmvii):
+            raise InputError(
+                f"shutter of {shutter.name}: a rolling shutter takes a camera with a size, whose distortion "
+                "moves the computed point"
+            )
+    return [ShutterEquations(system, shutter, images) for shutter in block.shutters]

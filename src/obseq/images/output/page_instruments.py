@@ -1,0 +1,153 @@
+"""The tables of what cameras stand on or carry, and of check points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from obseq.printable import printable_line
+from obseq.report.columns import choice, column, element, table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.images.output.block_record import BundleRecord
+
+    Table = dict[str, Any]
+    Column = dict[str, Any]
+
+
+def instrument_tables(record: BundleRecord) -> list[Table]:
+    """Check points, rigid blocks, clinometers, antennas and shutters; none of what there is not."""
+    made = (
+        *_check_points(record),
+        *_rigid(record),
+        *_clinometers(record),
+        *_antennas(record),
+        *_shutters(record),
+    )
+    return [item for item in made if item]
+
+
+def _check_points(record: BundleRecord) -> list[Table | None]:
+    found = record.check_points
+    if not found:
+        return []
+    columns = [
+        choice("point", [item.name for item in found]),
+        column("rays", "count", [item.n_rays for item in found]),
+        *_parts([item.residual for item in found], ("dx", "dy", "dz"), "small_length"),
+        *_parts([item.sigmas for item in found], ("sx", "sy", "sz"), "small_length"),
+        choice("verdict", ["off" if item.is_off else "as expected" for item in found]),
+    ]
+    about = "Adjusted minus given; they take no part in the adjustment."
+    return [table("check-points", "Check points", columns, about=about)]
+
+
+def _antennas(record: BundleRecord) -> list[Table | None]:
+    found = record.antennas
+    if not found:
+        return []
+    levers = [
+        choice("antenna", [item.name for item in found]),
+        *_parts([item.lever_arm for item in found], ("lever x", "y", "z"), "small_length"),
+        *_parts([item.lever_sigmas for item in found], ("sx", "sy", "sz"), "small_length"),
+        *_parts([item.rms for item in found], ("rms x", "rms y", "rms z"), "small_length"),
+    ]
+    rows = [
+        (item.name, image, part)
+        for item in found
+        for image, part in zip(item.images, item.residuals, strict=True)
+    ]
+    residuals = [
+        choice("antenna", [name for name, _, _ in rows]),
+        choice("image", [image for _, image, _ in rows]),
+        *_parts([part for _, _, part in rows], ("dx", "dy", "dz"), "small_length"),
+    ]
+    about = "Lever arms from the projection centre, in the frame of the camera."
+    return [
+        table("antennas", "Antennas", levers, about=about),
+        table("positions", "Positions", residuals, about="Adjusted minus observed."),
+    ]
+
+
+def _shutters(record: BundleRecord) -> list[Table | None]:
+    found = record.shutters
+    if not found:
+        return []
+    columns = [
+        choice("camera", [item.camera for item in found]),
+        column(
+            "readout",
+            "small_number",
+            [item.readout for item in found],
+            unit="s",
+            about="from the first line to the last",
+        ),
+        column("sigma", "small_number", [item.sigma for item in found], unit="s"),
+    ]
+    return [table("shutters", "Rolling shutters", columns)]
+
+
+def _rigid(record: BundleRecord) -> list[Table | None]:
+    """Places of cameras in rigid blocks, and residuals of their exposures."""
+    places = [(block, place) for block in record.rigid_blocks for place in block.places]
+    exposures = [(block, item) for block in record.rigid_blocks for item in block.exposures]
+    if not places:
+        return []
+    first = [
+        choice("block", [block.name for block, _ in places]),
+        choice("camera", [place.camera for _, place in places]),
+        *_parts([place.centre for _, place in places], ("x", "y", "z"), "fine"),
+        *_parts([place.quaternion for _, place in places], ("qw", "qx", "qy", "qz"), "fine"),
+        *_parts(
+            [place.sigmas for _, place in places],
+            ("sx", "sy", "sz", "s rot x", "s rot y", "s rot z"),
+            "small_number",
+        ),
+    ]
+    second = [
+        choice("block", [block.name for block, _ in exposures]),
+        choice("cameras", [f"{item.first}, {item.second}" for _, item in exposures]),
+        choice("exposure", [item.exposure for _, item in exposures]),
+        *_parts([item.translation for _, item in exposures], ("dx", "dy", "dz"), "small_number"),
+        *_parts([item.rotation for _, item in exposures], ("rot x", "rot y", "rot z"), "small_angle"),
+    ]
+    about = f"In the frame of {printable_line(record.rigid_blocks[0].master)}; radians."
+    made: list[Table | None] = [table("rigid", "Rigid blocks", first, about=about)]
+    return [*made, table("exposures", "Exposures", second)] if exposures else made
+
+
+def _clinometers(record: BundleRecord) -> list[Table | None]:
+    found = record.clinometers
+    if not found:
+        return []
+    columns = [
+        choice("clinometer", [item.name for item in found]),
+        *_parts([item.axis for item in found], ("axis x", "axis y", "axis z"), "fine"),
+        *_parts([item.correction for item in found], tuple(f"degree {k}" for k in range(4)), "small_number"),
+        column("rms", "small_angle", [item.rms for item in found]),
+    ]
+    readings = [
+        (item.name, image, value)
+        for item in found
+        for image, value in zip(item.images, item.residuals, strict=True)
+    ]
+    read = [
+        choice("clinometer", [name for name, _, _ in readings]),
+        choice("image", [image for _, image, _ in readings]),
+        column(
+            "residual",
+            "small_angle",
+            [value for _, _, value in readings],
+            by_size=True,
+            about="computed minus read",
+        ),
+    ]
+    return [
+        table("clinometers", "Clinometers", columns),
+        table("readings", "Readings", read, order="residual"),
+    ]
+
+
+def _parts(rows: Sequence[Sequence[float] | None], names: Sequence[str], quantity: str) -> list[Column]:
+    return [element(name, quantity, rows, k) for k, name in enumerate(names)]

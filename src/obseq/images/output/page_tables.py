@@ -1,0 +1,183 @@
+"""The tables of the page of a block."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from obseq.images.output.page_instruments import instrument_tables
+from obseq.printable import printable_line
+from obseq.report.columns import all_small, choice, column, element, table
+
+if TYPE_CHECKING:
+    from obseq.images.output.block_record import BundleRecord
+
+    Table = dict[str, Any]
+
+
+def tables(record: BundleRecord) -> list[Table]:
+    """Image points, points, images, parameters of cameras, instruments."""
+    made = (_measures(record), _points(record), _images(record), _parameters(record))
+    return [*(item for item in made if item), *instrument_tables(record)]
+
+
+def _measures(record: BundleRecord) -> Table | None:
+    found, tests = record.residuals, record.reliability
+    if not found.image:
+        return None
+    names = [image.name for image in record.images]
+    columns = [
+        column("image", "point", (len(record.points) + k for k in found.image), key="from"),
+        column("point", "point", found.point, key="to"),
+        column("x", "coarse_pixel", found.x, paper=False),
+        column("y", "coarse_pixel", found.y, paper=False),
+        column("dx", "pixel", all_small(found.dx), by_size=True),
+        column("dy", "pixel", all_small(found.dy), by_size=True),
+    ]
+    if tests is not None:
+        every = tests.all
+        columns += [
+            column(
+                "w",
+                "number",
+                all_small([_larger(*pair) for pair in zip(every.w_x, every.w_y, strict=True)]),
+                by_size=True,
+                bar="w",
+                about="the larger of its two coordinates",
+                limit=tests.critical,
+            ),
+            column(
+                "redundancy",
+                "number",
+                all_small([min(pair) for pair in zip(every.redundancy_x, every.redundancy_y, strict=True)]),
+                bar="redundancy",
+                about="the smaller of its two coordinates",
+            ),
+            column(
+                "detectable",
+                "pixel",
+                all_small(
+                    [_larger(*pair) for pair in zip(every.detectable_x, every.detectable_y, strict=True)]
+                ),
+                about="smallest error that its test finds",
+            ),
+        ]
+    columns += [
+        column("sx", "pixel", all_small(found.sx), rare=True),
+        column("sy", "pixel", all_small(found.sy), rare=True),
+    ]
+    if any(weight != 1.0 for weight in found.weight):
+        columns.append(column("weight", "number", all_small(found.weight), about="what robust weights leave"))
+    about = "Residuals are computed minus measured, in pixels."
+    chips = [] if tests is None else [[f"|w| > {tests.critical:.2f}", f"|w|>{tests.critical:.2f}"]]
+    return table(
+        "measures",
+        "Image points",
+        columns,
+        about=about,
+        rows="measure",
+        order="w",
+        chips=chips,
+        hint=f"{printable_line(names[0])} |w|>2",
+    )
+
+
+def _larger(x: float | None, y: float | None) -> float | None:
+    known = [value for value in (x, y) if value is not None]
+    return max(known, key=abs) if known else None
+
+
+def _length(record: BundleRecord) -> dict[str, str]:
+    """The unit of the world: metres where control points say so, as far as anybody knows."""
+    return {} if any(point.kind == "control" for point in record.points) else {"unit": "world units"}
+
+
+def _points(record: BundleRecord) -> Table | None:
+    found, unit = record.points, _length(record)
+    if not found:
+        return None
+    spread = [
+        None if point.covariance is None else [point.covariance[k] ** 0.5 for k in (0, 3, 5)]
+        for point in found
+    ]
+    size = "number" if unit else "small_length"
+    columns = [
+        column("point", "point", range(len(found))),
+        choice("kind", [point.kind for point in found]),
+        column("rays", "count", [point.n_rays for point in found]),
+        *(column(axis, "length", [getattr(point, axis) for point in found], **unit) for axis in "xyz"),
+        *(element(f"s{axis}", "fine" if unit else size, spread, k) for k, axis in enumerate("xyz")),
+        column("rms", "pixel", all_small([point.rms for point in found]), about="per coordinate"),
+        *(
+            element(
+                f"d{axis}",
+                "fine" if unit else size,
+                [point.residual for point in found],
+                k,
+                by_size=True,
+                about="adjusted minus given",
+            )
+            for k, axis in enumerate("xyz")
+        ),
+    ]
+    return table(
+        "points",
+        "Points",
+        columns,
+        rows="point",
+        order="rms",
+        about=f"Precisions {record.precision}.",
+        hint="control rays<3",
+        chips=[["control", "control"]],
+    )
+
+
+def _images(record: BundleRecord) -> Table | None:
+    found = record.images
+    columns = [
+        column("image", "point", (len(record.points) + k for k in range(len(found)))),
+        choice("camera", [image.camera for image in found]),
+        column("points", "count", [image.n_measures for image in found]),
+        column("rms", "pixel", all_small([image.rms for image in found]), about="per coordinate"),
+        column("largest", "pixel", all_small([image.largest for image in found])),
+        column("mean dx", "pixel", all_small([image.mean_dx for image in found]), by_size=True),
+        column("mean dy", "pixel", all_small([image.mean_dy for image in found]), by_size=True),
+        *(
+            column(axis, "length", [image.centre[k] for image in found], **_length(record))
+            for k, axis in enumerate("xyz")
+        ),
+        *(
+            element(
+                f"s{axis}",
+                "fine" if _length(record) else "small_length",
+                [image.centre_sigmas for image in found],
+                k,
+            )
+            for k, axis in enumerate("xyz")
+        ),
+        *(
+            column(axis, "angle", [image.opk[k] for image in found], rare=True)
+            for k, axis in enumerate(("omega", "phi", "kappa"))
+        ),
+        *(
+            element(f"s {axis}", "small_angle", [image.opk_sigmas for image in found], k, rare=True)
+            for k, axis in enumerate(("omega", "phi", "kappa"))
+        ),
+    ]
+    return table("images", "Images", columns, order="rms", hint="rms>0.5") if found else None
+
+
+def _parameters(record: BundleRecord) -> Table:
+    rows = [(camera, parameter) for camera in record.cameras for parameter in camera.parameters]
+    states = ["held" if parameter.sigma == 0.0 else "estimated" for _, parameter in rows]
+    columns = [
+        choice("camera", [camera.name for camera, _ in rows]),
+        column("parameter", "text", [parameter.name for _, parameter in rows]),
+        column("value", "small_number", [parameter.value for _, parameter in rows], significant=10),
+        column("sigma", "small_number", [parameter.sigma or None for _, parameter in rows]),
+        choice("state", states),
+    ]
+    about = "; ".join(
+        f"{camera.name}: {camera.projection} {camera.degree}, {camera.width} by {camera.height} pixels"
+        for camera in record.cameras
+    )
+    return table("parameters", "Parameters of cameras", columns, about=printable_line(about))

@@ -1,0 +1,2 @@
+from .adjustment import Adjustment as Adjustment
+from .solution import JointSolution as JointSolution

@@ -1,0 +1,128 @@
+"""What an open adjustment found: values by name, residuals and tests of each equation, and a report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from obseq.cached import cached_property
+from obseq.dataclass import dataclass
+from obseq.errors import InputError, nearest
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.joint.named import KNOWN_AS
+from obseq.leastsquares import global_test, reliability
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray
+    from obseq.images.adjustment.equations import Equations
+    from obseq.images.adjustment.start import Start
+    from obseq.images.adjustment.surveys import JoinedSurvey
+    from obseq.images.block import Block
+    from obseq.joint.named import NamedEquation
+    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult, Reliability
+
+
+class ImagePart(NamedTuple):
+    """A block of images in the system: what it is, where it started, its equations."""
+
+    block: Block
+    start: Start
+    equations: Equations
+
+
+@dataclass(frozen=True, eq=False)
+class JointSolution:
+    """An adjusted whole; precisions are a posteriori where there is redundancy, else a priori.
+
+    Attributes:
+        system: the least-squares system.
+        result: its solution: sigma0, redundancy, sums of squares by group, all unknowns and observations.
+        equations: each equation of one's own with its batch.
+        images_part: the block of images in the system; None without one.
+        surveys: the survey networks: their coordinates and residuals.
+    """
+
+    system: LeastSquares
+    result: LeastSquaresResult
+    equations: tuple[tuple[NamedEquation, Batch], ...]
+    images_part: ImagePart | None
+    surveys: tuple[JoinedSurvey, ...]
+
+    @property
+    def sigma0(self) -> float | None:
+        """Square root of the weighted sum of squares over the redundancy; None without redundancy."""
+        return self.result.sigma0
+
+    @cached_property
+    def images(self) -> BundleSolution:
+        """The block of images at the solution, with its poses, cameras, precisions and records.
+
+        Raises:
+            InputError: There are no images.
+        """
+        if self.images_part is None:
+            raise InputError("there is no block of images in this adjustment (add_images)")
+        return BundleSolution(*self.images_part, self.result, self.result.iterations, self.surveys)
+
+    def points(self, names: Sequence[str]) -> FloatArray:
+        """(n, 3) coordinates of points, or of projection centres of images."""
+        return self.values(names, "Point3")
+
+    def values(self, names: Sequence[str], kind: str) -> FloatArray:
+        """Values of what is alike and has a kind: Point3, Rotation, Direction, Vector, Scalar."""
+        return np.concatenate([self.result.values([self._id(name, kind)]) for name in names])
+
+    def covariance(self, names: Sequence[str], kind: str = "Point3") -> FloatArray:
+        """(n, k, k) covariances of what is alike."""
+        ids = [self._id(name, kind) for name in names]
+        return self.result.covariance(ids, self.result.variance_factor is None)
+
+    def residuals(self, equation: int) -> FloatArray:
+        """(n, n_residuals) computed minus observed of an equation, by its number."""
+        return self.result.residuals(self.equations[equation][1])
+
+    @cached_property
+    def reliability(self) -> Reliability:
+        """Redundancy numbers and tests of all observations."""
+        return reliability(self.system, self.result)
+
+    def suspected(self) -> list[tuple[str, float]]:
+        """Observations whose normalised residual is beyond the test, and that residual; the largest first."""
+        critical = self.reliability.w_critical
+        found = [
+            (part.label(int(row)), float(part.w[row, column]))
+            for part in self.reliability.all
+            for row, column in np.argwhere(np.abs(np.nan_to_num(part.w)) > critical)
+        ]
+        return sorted(found, key=lambda one: -abs(one[1]))
+
+    def report(self) -> str:
+        """A page of text: counts, the test of sigma0, sums of squares, what is suspected, own unknowns."""
+        lines = [self.result.summary().rstrip()]
+        if self.result.redundancy:
+            test = global_test(self.result)
+            low, high = test.sigma0_limits
+            verdict = "accepted" if test.passed else "rejected"
+            lines.append(f"sigma0 {test.sigma0:.4f}, expected {low:.4f} to {high:.4f}: {verdict}")
+        suspected = self.suspected() if self.result.has_covariances and self.result.redundancy else []
+        lines += [f"suspected: {label}, {w:+.2f} sigmas" for label, w in suspected]
+        for number, (equation, _) in enumerate(self.equations):
+            residuals = self.residuals(number)
+            worst = int(np.argmax(np.abs(residuals).max(axis=1)))
+            lines.append(
+                f"{equation.group}: {len(equation)} observations, largest residual "
+                f"{residuals[worst][np.argmax(np.abs(residuals[worst]))]:+.6g} ({equation.label(worst)})"
+            )
+        return "\n".join(lines) + "\n"
+
+    def _id(self, name: str, kind: str) -> int:
+        known: list[str] = []
+        for label, pattern in KNOWN_AS.get(kind, ((kind, "{}"),)):
+            table = self.system.unknowns.called(label)
+            if (called := pattern.format(name)) in table:
+                return table[called]
+            known += table
+        raise InputError(f"no {kind} is called {nearest(name, known)}")

@@ -1,0 +1,260 @@
+"""What the page of an adjustment begins with: whether it may be used, what is wrong, how good it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from obseq.printable import listed
+from obseq.report.findings import POOR, sight, spread, weakest
+from obseq.report.head import (
+    WORDS,
+    Card,
+    Place,
+    Section,
+    Verdict,
+    counted,
+    gauge,
+    joined,
+    share,
+    shares,
+    strip,
+)
+from obseq.report.quality import ellipse_level
+from obseq.report.said import name, small
+from obseq.report.summary import basis, kinds
+from obseq.report.units import significant
+from obseq.report.verdict import Verdict as Test
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from obseq.records.adjustment import AdjustmentRecord, ObservationRecord, PointRecord
+    from obseq.records.quality import StatisticsRecord
+    from obseq.report.head import Level
+
+MOST_NAMES = 8
+
+
+def verdict(record: AdjustmentRecord) -> Verdict:
+    """The sentence, at the level of the exit code."""
+    level, text = _judged(record)
+    known = sum(bool(point.known) for point in record.points)
+    used = sum(row.active for row in record.observations)
+    off = len(record.observations) - used
+    detail = joined(
+        [
+            counted(len(record.points), "point") + (f", {known} known" if known else ""),
+            counted(used, "observation") + (f", {off} not used" if off else ""),
+            "" if record.planned else _ended(record),
+        ]
+    )
+    return Verdict(level, text, detail)
+
+
+def _ended(record: AdjustmentRecord) -> str:
+    return (
+        "" if record.converged else "NOT "
+    ) + f"converged after {counted(len(record.iterations), 'iteration')}"
+
+
+def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
+    """Level and sentence of what decides: the first of these that holds."""
+    test, diagnosis, count = Test(record), record.diagnosis, len(record.gross_errors)
+    if not record.converged:
+        return (
+            "bad",
+            f"Not usable: stopped after {counted(len(record.iterations), 'iteration')}, not converged.",
+        )
+    if count:
+        what = (
+            "1 observation looks wrong. Check it"
+            if count == 1
+            else f"{count} observations look wrong. Check them"
+        )
+        if any(not item.observations for item in record.gross_errors):
+            what = (
+                "1 error is suspected. Check it"
+                if count == 1
+                else f"{count} errors are suspected. Check them"
+            )
+        return "bad", f"Not usable yet: {what}, then adjust again."
+    if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
+        return "bad", "Not usable yet: something is wrong, and no single cause explains it."
+    for level, text in _restricted(record):
+        return level, text
+    if test.test is None:
+        return "warn", "Adjusted, but nothing is checked: there is no redundancy."
+    if not test.test.passed:
+        sigma0 = f"sigma0 is {significant(test.test.sigma0, 3)}"
+        expected = f"{test.test.lower:.2f} to {test.test.upper:.2f} is expected"
+        size = "large" if test.test.sigma0 > test.test.upper else "small"
+        if size == "small" and (types := test.types_beyond):
+            return "warn", f"Usable, but {_of_type(types[0])}"
+        return "warn", f"The residuals are too {size} for their sigmas: {sigma0}, {expected}."
+    if types := test.types_beyond:
+        return "warn", f"Usable, but {_of_type(types[0])}"
+    return "ok", "The network is sound: residuals fit the sigmas, and no error is suspected."
+
+
+def _restricted(record: AdjustmentRecord) -> Iterator[tuple[Level, str]]:
+    """What is not as it was given: the reasons of exit code 1 that are no errors."""
+    if record.failures:
+        yield "warn", "Adjusted, but not everything could be judged: see the warnings."
+    if record.left_out:
+        what = counted(len(record.left_out), "point or station is", "points and stations are")
+        yield "warn", f"Usable, but {what} not determined and left out."
+    if record.rejections:
+        yield (
+            "warn",
+            f"Usable without the {counted(len(record.rejections), 'observation')} that snooping left out.",
+        )
+    if record.doubtful:
+        names = listed([item.name for item in record.doubtful], MOST_NAMES)
+        yield "warn", f"Usable, but not for {name(names)}: the observations say next to nothing of it."
+    if record.unused:
+        yield "warn", "Usable, but some observations of the files take no part."
+
+
+def _of_type(row: StatisticsRecord) -> str:
+    factor = row.sigma_factor or 0.0
+    size = "small" if factor > (row.upper or 0.0) else "large"
+    return f"the sigmas of {name(row.name)} are too {size}: residuals are {factor:.2f} of what they announce."
+
+
+def cards(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Card, ...]:
+    """Sigma0, redundancy, the largest test, the weakest point, what is unchecked."""
+    made = (
+        _sigma0(record),
+        _redundancy(record),
+        _largest(record),
+        _weakest(record, rows),
+        _unchecked(record),
+    )
+    return tuple(card for card in made if card)
+
+
+def _sigma0(record: AdjustmentRecord) -> Card | None:
+    test = record.global_test
+    if test is None:
+        value = "\u2013" if record.planned or record.sigma0 is None else significant(record.sigma0, 4)
+        return Card("sigma0", value, note="nothing is measured yet" if record.planned else "not tested")
+    is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
+    tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
+    note = (
+        "spoilt by the suspected errors"
+        if record.gross_errors
+        else f"{100 * (1 - test.level):g} % chi-square interval"
+    )
+    figure = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
+    return Card("sigma0", significant(test.sigma0, 4), "expected 1", tag, figure, note, Place("quality"))
+
+
+def _redundancy(record: AdjustmentRecord) -> Card:
+    equations = record.n_observations + record.n_constraints
+    each = f"{record.redundancy / equations:.2f} per equation" if equations else ""
+    known = [row.redundancy for row in record.observations if row.active]
+    if record.reliability is None:
+        return Card("redundancy", str(record.redundancy), each)
+    to = Place("observations", filter="redundancy<0.3")
+    return Card(
+        "redundancy", str(record.redundancy), each, None, shares(known), "share of an error that shows", to
+    )
+
+
+def _tested(row: ObservationRecord, *, is_standardised: bool) -> float | None:
+    return row.standardised_residual if is_standardised else row.normalised_residual
+
+
+def _largest(record: AdjustmentRecord) -> Card | None:
+    """The largest test of a single observation."""
+    level = record.reliability
+    tested = [
+        _tested(row, is_standardised=level is not None) if row.active else None for row in record.observations
+    ]
+    found = [(abs(value), k) for k, value in enumerate(tested) if value is not None]
+    if not found or record.planned:
+        return None
+    largest, row = max(found)
+    one = record.observations[row]
+    limit = None if level is None else level.critical
+    beyond = 0 if limit is None else sum(value > limit for value, _ in found)
+    tag = (
+        ("ok", "none beyond")
+        if not beyond
+        else ("bad" if record.gross_errors else "warn", f"{beyond} beyond")
+    )
+    return Card(
+        "largest w" if level else "largest residual / sigma",
+        f"{largest:.{1 if largest > 10 else 2}f}",
+        "" if limit is None else f"limit {limit:.2f}",
+        None if limit is None else tag,
+        strip(tested, limit),
+        sight(one),
+        Place("observations", row=row),
+    )
+
+
+def _weakest(record: AdjustmentRecord, rows: Mapping[str, int]) -> Card | None:
+    found = weakest(record.points)
+    if found is None:
+        return None
+    k, size = found
+    note = f"{name(record.points[k].name)}, {_of_shape(record, record.points[k])}"
+    return Card(
+        "weakest point",
+        small(size),
+        "",
+        None,
+        strip(map(spread, record.points)),
+        note,
+        Place(point=rows[record.points[k].name]),
+    )
+
+
+def _of_shape(record: AdjustmentRecord, point: PointRecord) -> str:
+    if point.ellipse:
+        return f"ellipse {ellipse_level(record)}"
+    return "standard deviation of its height" if point.sx is None else "standard deviation"
+
+
+def _unchecked(record: AdjustmentRecord) -> Card | None:
+    if record.reliability is None:
+        return None
+    active = [row.redundancy for row in record.observations if row.active]
+    poor = sum(value is not None and value < POOR for value in active)
+    none = min(poor, record.reliability.uncontrolled)
+    weak = poor - none
+    tag = ("warn", "risk") if none else ("warn", f"{weak} weak") if weak else ("ok", "all checked")
+    note = f"{weak} weakly checked, below {POOR:g}" if weak else "by other observations"
+    to = Place("observations", filter=f"redundancy<{POOR:g}")
+    return Card("unchecked", str(none), f"of {len(active)}", tag, share(none, weak, len(active)), note, to)
+
+
+def sections(record: AdjustmentRecord) -> tuple[Section, ...]:
+    """Charts, and what the result was made from."""
+    charts: list[dict[str, object]] = []
+    if not record.planned and any(row.normalised_residual is not None for row in record.observations):
+        charts = [
+            {"kind": kind, "table": "observations", "column": "w"}
+            for kind in ("bands", "histogram", "normal")
+        ]
+    if record.iterations:
+        steps = [{"sigma0": row.sigma0, "step": row.max_step} for row in record.iterations]
+        charts.append({"kind": "convergence", "iterations": steps})
+    inside = ("by-type", "by-station", "components", "undetermined")
+    quality = Section("quality", "Quality", tuple(charts), tables=inside)
+    return (quality, Section("provenance", "Provenance", facts=tuple(_facts(record)), words=WORDS))
+
+
+def _facts(record: AdjustmentRecord) -> Iterator[tuple[str, str]]:
+    yield from ((key, name(text)) for key, text in basis(record))
+    yield "observations", f"{record.n_observations} ({name(kinds(record))})"
+    yield "constraints", str(record.n_constraints)
+    yield "unknowns", str(record.n_unknowns)
+    yield "redundancy", str(record.redundancy)
+    if record.stop_reason:
+        yield "stopped", name(record.stop_reason)
+    yield from (("warning", name(text)) for text in record.warnings)
+    yield from (("note", name(text)) for text in record.notes)
+    if record.phases:
+        yield "seconds", ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in record.phases)

@@ -1,0 +1,217 @@
+"""What there is to look at in an adjustment: suspected errors, and what is worth knowing, the worst first."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from obseq.printable import listed
+from obseq.report.head import Finding, Findings, Place, counted
+from obseq.report.quality import ellipse_level
+from obseq.report.rows import short_names, unit_of
+from obseq.report.said import length, name, observed, small
+from obseq.report.verdict import Verdict as Test
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
+
+POOR = 0.1
+"""Redundancy below which an observation is hardly checked: most of an error goes into the result."""
+MOST_BEYOND = 3
+MOST_TOLD = 20
+MOST_NAMES = 8
+
+
+def sight(row: ObservationRecord) -> str:
+    """What an observation is called."""
+    return name(f"{row.type} {row.origin} \u2192 {row.target}")
+
+
+def weakest(points: tuple[PointRecord, ...]) -> tuple[int, float] | None:
+    """The point known worst, and how well it is known (m); None where no precision is known."""
+    sizes = [(found, k) for k, point in enumerate(points) if (found := spread(point)) is not None]
+    return max(sizes)[::-1] if sizes else None
+
+
+def spread(point: PointRecord) -> float | None:
+    """How well a point is known: the longer semi-axis of its ellipse, or the sigma of its height (m)."""
+    if point.ellipse:
+        return point.ellipse.semi_major
+    return point.sz if point.sx is None else max(point.sx, point.sy or 0.0)
+
+
+def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Findings, ...]:
+    """Suspected errors, and what is worth knowing."""
+    accused = tuple(_accused(record, item) for item in record.gross_errors)
+    others = (
+        *_undecided(record),
+        *_types(record),
+        *_lost(record),
+        *_beyond(record),
+        *_weak(record),
+        *_worst(record, rows),
+        *_replaced(record),
+        *_said(record),
+    )
+    title = "Worth knowing" if accused else "Look at first"
+    return tuple(
+        part for part in (Findings("Suspected errors", accused), Findings(title, others)) if part.items
+    )
+
+
+def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
+    rows = [place.row for place in item.observations]
+    one = record.observations[rows[0]] if len(rows) == 1 else None
+    files = short_names({row.file for row in record.observations})
+    sigma = item.sigma[0] if item.sigma else 0.0
+    off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
+    text = item.text[:1].upper() + item.text[1:]
+    if item.others:
+        text += f" Not told apart from: {listed([other.what for other in item.others], MOST_NAMES)}."
+    return Finding(
+        "bad",
+        sight(one) if one else name(item.what),
+        name(text),
+        f"off by {off:.{0 if off >= 10 else 1}f} \u03c3",
+        f"{name(files[one.file])}:{one.line}" if one else "",
+        "see the field book, correct it, adjust again. What this means:",
+        f"obseq causes {item.code}",
+        Place("observations", row=rows[0]) if rows else None,
+    )
+
+
+def _undecided(record: AdjustmentRecord) -> Iterator[Finding]:
+    found = record.diagnosis
+    if found is not None and (found.status == "undecided" or found.reason):
+        yield Finding(
+            "bad" if found.status in ("undecided", "unexplained") else "info",
+            f"Search for errors: {found.status}",
+            name(found.reason),
+        )
+
+
+def _types(record: AdjustmentRecord) -> Iterator[Finding]:
+    for row in Test(record).types_beyond:
+        factor = row.sigma_factor or 0.0
+        expected = f"{row.lower:.2f} to {row.upper:.2f} is expected"
+        text = f"Residuals of {row.count} are {factor:.2f} of what their sigmas announce; {expected}."
+        step = f"multiply these sigmas by {factor:.2g}, or let them be estimated:"
+        yield Finding(
+            "warn",
+            f"Sigmas of {name(row.name)}",
+            text,
+            f"\u00d7 {factor:.2f}",
+            "",
+            step,
+            "--variance-components",
+        )
+
+
+def _lost(record: AdjustmentRecord) -> Iterator[Finding]:
+    reasons: dict[str, list[str]] = {}
+    for item in record.left_out:
+        reasons.setdefault(item.reason, []).append(item.what)
+    for reason, names in list(reasons.items())[:MOST_TOLD]:
+        title = f"{names[0]} is left out" if len(names) == 1 else f"{len(names)} points left out"
+        text = reason if len(names) == 1 else f"{listed(names, MOST_NAMES)}: {reason}"
+        yield Finding("warn", name(title), name(text), step="one more observation to each.")
+    for unused in record.unused[:MOST_TOLD]:
+        yield Finding(
+            "warn",
+            "Observations without part",
+            name(f"Because {unused.reason}: {listed(unused.observations, MOST_NAMES)}."),
+        )
+    for doubtful in record.doubtful[:MOST_TOLD]:
+        sight_ = f"its nearest sight is {length(doubtful.sight)} long"
+        text = f"Its {doubtful.axis} is known to {small(doubtful.sigma)} only; {sight_}."
+        yield Finding("warn", name(f"{doubtful.name} is doubtful"), text)
+
+
+def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
+    """The largest tests that fail, where no error is suspected."""
+    level = record.reliability
+    if level is None or record.gross_errors:
+        return
+    found = [(abs(row.standardised_residual or 0.0), k) for k, row in enumerate(record.observations)]
+    for size, k in sorted(found, reverse=True)[:MOST_BEYOND]:
+        row = record.observations[k]
+        if size > level.critical and row.residual is not None:
+            chance = f"limit {level.critical:.2f}, passed by chance once in {1 / level.level:.0f}"
+            text = f"Residual {small(row.residual, unit_of(row))}; {chance}."
+            yield Finding(
+                "warn",
+                sight(row),
+                text,
+                f"w {row.standardised_residual:.2f}",
+                f"{name(row.file)}:{row.line}",
+                to=Place("observations", row=k),
+            )
+
+
+def _weak(record: AdjustmentRecord) -> Iterator[Finding]:
+    level = record.reliability
+    found = [
+        (row.redundancy, k)
+        for k, row in enumerate(record.observations)
+        if row.active and row.redundancy is not None
+    ]
+    poor = sorted(item for item in found if item[0] < POOR)
+    if level is None or not poor:
+        return
+    row = record.observations[poor[0][1]]
+    to = Place("observations", row=poor[0][1])
+    if level.uncontrolled:
+        text = f"Nothing checks them: an error there stays unseen. First: {sight(row)}."
+        yield Finding(
+            "warn",
+            counted(level.uncontrolled, "equation is unchecked", "equations are unchecked"),
+            text,
+            step="measure these points from a second station, or accept the risk.",
+            to=to,
+        )
+    elif row.detectable is not None:
+        text = f"{sight(row)}: an error below {small(row.detectable, unit_of(row))} stays unseen."
+        yield Finding(
+            "info",
+            counted(len(poor), "observation is weakly checked", "observations are weakly checked"),
+            text,
+            f"r {row.redundancy:.2f}",
+            to=to,
+        )
+
+
+def _worst(record: AdjustmentRecord, rows: Mapping[str, int]) -> Iterator[Finding]:
+    found = weakest(record.points)
+    if found is None:
+        return
+    point = record.points[found[0]]
+    if point.ellipse:
+        axes = f"{small(point.ellipse.semi_major)} by {small(point.ellipse.semi_minor)}"
+        size = f"Ellipse {axes} ({ellipse_level(record)})"
+    else:
+        size = f"Standard deviation {small(found[1])}"
+    height = "" if point.sz is None or point.sx is None else f", height {small(point.sz)}"
+    yield Finding(
+        "info",
+        f"{name(point.name)} is the weakest point",
+        f"{size}{height}.",
+        to=Place(point=rows[point.name]),
+    )
+
+
+def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
+    if record.replaced:
+        names = listed([item.name for item in record.replaced], MOST_NAMES)
+        far = max(item.moved for item in record.replaced)
+        text = f"They were up to {observed(far)} from where the observations place them: {name(names)}."
+        yield Finding(
+            "info", f"Approximate coordinates of {counted(len(record.replaced), 'point')} replaced", text
+        )
+
+
+def _said(record: AdjustmentRecord) -> Iterator[Finding]:
+    for text in record.warnings[:MOST_TOLD]:
+        yield Finding("warn", "Warning", name(text))
+    for text in record.notes[:MOST_TOLD]:
+        yield Finding("info", "Note", name(text))

@@ -1,0 +1,150 @@
+"""Every line of MMVII's training as it is typed, from an empty folder, `obseq mmvii` in place of `MMVII`."""
+
+import importlib
+import json
+import re
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from obseq import crs
+from obseq.cli.main import main
+from obseq.crs.transformer import Transformer
+from obseq.project import (
+    ProjectTree,
+    read_block,
+    read_control_points,
+    read_orientation,
+    read_system,
+    read_topo,
+)
+from obseq.project.spellings import BY_NAME
+
+ROOT = Path(__file__).parents[2]
+TREE = Path("MMVII-PhgrProj")
+LINE = re.compile(r"^    (\S.*)$", re.MULTILINE)
+EXTRACTIONS = ("CodedTargetExtract", "CodedTargetCircExtract")
+"""Whose place the measures take that the tool makes up."""
+OLD_POINTS = "MMVII-PhgrProj/PointsMeasure"
+
+
+@dataclass
+class Typed:
+    """A line, its exit code and what it printed."""
+
+    line: str
+    code: int
+    said: str
+    wrong: str
+
+
+@pytest.fixture
+def training(shared_data, tmp_path, monkeypatch, capsys) -> Callable[[str], list[Typed]]:
+    """Types the lines of a section of the training; each must end with 0, or 1 where something is told."""
+    monkeypatch.chdir(tmp_path)
+    text = (shared_data / "../reference/training.md").read_text(encoding="utf-8")
+
+    def type_all(title: str) -> list[Typed]:
+        (section,) = [part for part in text.split("\n## ") if part.startswith(title)]
+        typed = [_typed(line, capsys) for line in LINE.findall(section) if not line.startswith("(")]
+        return [one for one in typed if one is not None]
+
+    return type_all
+
+
+def _typed(line: str, capsys) -> Typed | None:
+    line = re.sub(r"\s+\((?:instead|or) .*\)$", "", line)
+    line = line.replace(
+        "; the same for TargetsC/", f"; cp {OLD_POINTS}/TargetsTopoRTL/* {OLD_POINTS}/TargetsC/"
+    )
+    program, _, rest = line.partition(" ")
+    if program != "MMVII":
+        subprocess.run(["sh", "-euc", line], check=True)
+        return None
+    words = subprocess.run(
+        ["sh", "-c", f"printf '%s\\0' {rest}"], capture_output=True, text=True, check=True
+    ).stdout.split("\0")[:-1]
+    if words[0] in EXTRACTIONS:
+        assert words[0] in BY_NAME
+        return None
+    code = main(["mmvii", *words])
+    printed = capsys.readouterr()
+    assert code in (0, 1), f"{line}\n{printed.err}"
+    return Typed(line, code, printed.out, printed.err)
+
+
+@pytest.fixture
+def maker(monkeypatch):
+    """The tool that makes projects up."""
+    monkeypatch.syspath_prepend(ROOT / "tools")
+    return importlib.import_module("make_project")
+
+
+def _offs(folder: str, truth: dict[str, list[float]]) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of the points of a folder, and (n,) squared distances from the truth by their covariances."""
+    place = TREE / "PointsMeasure" / folder
+    found = read_control_points(place)
+    there = np.array([truth[name] for name in found.names])
+    site = crs.parse("RTL*657700*6860700*0*IGNF:LAMB93")
+    there = Transformer(site, crs.parse(read_system(place))).forward(there, found.names)
+    off = found.coordinates - there
+    return found.names, np.einsum("ni,nij,nj->n", off, np.linalg.inv(found.covariances), off)
+
+
+CHI_SQUARE = 16.3
+"""Of three coordinates, at 99.9 %."""
+
+
+def test_the_first_example(shared_data, training) -> None:
+    given = shared_data / "mmvii-topomini"
+    Path("inputs").mkdir()
+    Path("inputs/coords.cor").write_bytes((given / "coords.txt").read_bytes())
+    Path("inputs/meas.obs").write_bytes((given / "meas.obs").read_bytes())
+    typed = training("Example 1")
+    assert len(typed) == 7
+    said = typed[5].said
+    assert "Topo sigma0: 5443.87 (12 obs)" in said and "Topo sigma0: 1.76552 (12 obs)" in said
+    assert (TREE / "PointsMeasure/FinalL93").resolve() == (TREE / "ObjCoordWorld/FinalL93").resolve()
+
+
+def test_the_second_example(shared_data, training) -> None:
+    given = shared_data / "comp3d-figure"
+    for name in ("figure.cor", "figure.obs"):
+        Path(name).write_bytes((given / name).read_bytes())
+    assert "Topo sigma0: 0.896176 (533 obs)" in training("Example 2")[-1].said
+
+
+def test_the_third_example(maker, tmp_path, training) -> None:
+    maker.training_project(tmp_path, example=3, exposures=0, targets=40, blunders=0, seed=1)
+    typed = training("Example 3")
+    assert [one.code for one in typed] == [0] * len(typed) and len(typed) == 14
+    truth = json.loads(Path("truth.json").read_text("utf-8"))["points"]
+    names, squares = _offs("CarOutL93", truth)
+    assert names[-1] == "car" and len(names) == 11
+    assert (squares < CHI_SQUARE).all() and 1.0 < squares.mean() < 6.0
+    assert (TREE / "PointsMeasure/CarOutL93/MesGCP-NewGCP.xml").is_file()
+    assert len(read_topo(TREE / "Topo/BlocCarOut").observations) == 30
+
+
+@pytest.mark.slow  # two adjustments of a block with its survey
+def test_the_fourth_example(maker, tmp_path, training) -> None:
+    maker.training_project(tmp_path, example=4, exposures=8, targets=90, blunders=0, seed=1)
+    typed = training("Example 4")
+    assert len(typed) == 14
+    told = [one.line for one in typed if one.code]
+    assert [line.split()[1] for line in told] == ["TopoAdj", "OriPoseEstimSpaceResection"], told
+    (report,) = [one for one in typed if "ReportGCP" in one.line]
+    assert "IGNF:LAMB93" in report.said + report.wrong and "RTL*657700" in report.said + report.wrong
+    truth = json.loads(Path("truth.json").read_text("utf-8"))
+    for folder in ("FinalL93", "AllPtsOut"):
+        _, squares = _offs(folder, truth["points"])
+        assert (squares < CHI_SQUARE).mean() > 0.95 and 2.0 < squares.mean() < 4.0
+    poses, _ = read_orientation(ProjectTree.at(".").orientation("BA"))
+    off = np.linalg.norm(poses.centres - [truth["centres"][image] for image in poses.images], axis=1)
+    assert off.max() < 0.005
+    places = read_block(TREE / "RigBlock/RigInit/RigidBloc_TheBloc.xml").poses
+    assert np.linalg.norm(places["C2"].centre) == pytest.approx(0.6, abs=0.1)

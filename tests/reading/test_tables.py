@@ -1,0 +1,43 @@
+"""Rows of cells under a line of names: separators, padding, remarks that are told."""
+
+import pytest
+
+from obseq.errors import InputError
+from obseq.reading.tables import Table
+
+
+def table(folder, text):
+    (folder / "t.csv").write_text(text)
+    return Table.read(folder / "t.csv")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a,b\n1,x y\n",
+        "A;B\n1;x y\n",
+        "a\tb\n1\tx y\n",
+        "sep=;\na;b\n1;x y\n",
+        'a,b,\n1,"x y",\n,,\n',
+        "a b\n\n1 xy\n",
+    ],
+)
+def test_what_separates_cells_is_told_by_the_names(tmp_path, text):
+    found = table(tmp_path, text)
+    assert found.columns == ("a", "b")
+    assert found.texts("a") == ["1"]
+    assert found.texts("b")[0].replace(" ", "") == "xy"
+
+
+def test_remarks_that_look_like_rows_are_told(tmp_path, logged):
+    """A remark of two words is none of three columns; two lines are rows, or were."""
+    found = table(tmp_path, "# by hand\nname,x,y\nA,1,2\n#B,3,4\n# note here\n#C,5,6\nD,7,8\n")
+    assert found.texts("name") == ["A", "D"]
+    assert found.lines == (3, 7)
+    (told,) = [record.getMessage() for record in logged]
+    assert "2 rows that begin with # are left out as remarks: line 4 is the first" in told
+
+
+def test_decimal_commas_are_recognised(tmp_path):
+    with pytest.raises(InputError, match=r"t\.csv:2: 3 cells for 2 columns; the comma separates cells"):
+        table(tmp_path, "a,b\n1,2,5\n")
