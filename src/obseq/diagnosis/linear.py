@@ -132,10 +132,8 @@ def _of_nothing(result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
     residuals = [root @ one for root, one in zip(roots, raw, strict=True)]
     values = np.concatenate([np.zeros(0), *residuals])
     whitening = csr_array(block_diag(roots, format="csr")) if roots else csr_array((0, 0))
-    none = csr_array((len(values), 0))
-    return Linear(
-        values, none, whitening, csc_array((0, 0)), diagonal(np.zeros(len(values))), np.asarray, result.redundancy
-    )
+    none, nothing = csr_array((len(values), 0)), diagonal(np.zeros(len(values)))
+    return Linear(values, none, whitening, csc_array((0, 0)), nothing, np.asarray, result.redundancy)
 
 
 def taken_of(state: FinalState, batch: Batch) -> csr_array:
