@@ -84,17 +84,20 @@ class BlockModel:
         self._sigmas = [prior.sigmas.copy() for prior in numbering.priors]
         self._losses = [batch.loss for batch in numbering.batches]
         self._state, self._frozen = self._table.state(), self._table.frozen.copy()
+        self._given: Place | None = None
         self._evidence: tuple[Place, Evidence] | None = None
 
     @contextmanager
     def borrowed(self) -> Iterator[None]:
         """Without losses as long as it lasts; all is as it was afterwards."""
+        given = self._actives, self._frozen
         try:
             self._lose(None)
             yield
         finally:
             for batch, loss in zip(self.numbering.batches, self._losses, strict=True):
                 batch.loss = loss
+            self._actives, self._frozen = given
             self._put_back()
             self._table.restore(self._state)
 
@@ -112,7 +115,7 @@ class BlockModel:
     def _solution(self) -> Place | None:
         if self._result is None or not self._result.converged:
             return None
-        place = Place(self._result.state)
+        place = self._given = Place(self._result.state)
         return place if self._is_plain else self.adjusted(place, ())[0]
 
     def solution(self) -> Place | None:
@@ -169,21 +172,39 @@ class BlockModel:
         good = np.isfinite(places).all(axis=1)
         system.set_values(equations.points[np.array(rows, np.int64)[good]], places[good])
 
-    def _off(self, place: Place) -> float:
-        """The middle one of the residuals of image points, in sigmas."""
+    def off(self, place: Place) -> FloatArray:
+        """(m,) how far image points are from where they should be, in sigmas."""
         self._table.restore(place.state)
         found = [
-            np.linalg.norm(self._system.residuals(item.batch) / item.batch.sigmas, axis=1)[item.batch.active]
+            np.linalg.norm(self._system.residuals(item.batch) / item.batch.sigmas, axis=1)
             for item in self.numbering.equations.measures
         ]
-        return float(np.median(np.nan_to_num(np.concatenate(found), nan=np.inf)))
+        return np.asarray(np.nan_to_num(np.concatenate(found), nan=np.inf))
+
+    def _off(self, place: Place) -> float:
+        """The middle one of them."""
+        return float(np.median(self.off(place)[self.numbering.kept]))
+
+    def leave_out(self, images: IntArray, place: Place) -> None:
+        """Goes on without some images, from a place, for as long as the block is borrowed."""
+        numbering, first = self.numbering, 0
+        self._table.restore(place.state)
+        for item in numbering.equations.measures:
+            own = np.isin(numbering.image[first : first + len(item.rows)], images)
+            item.batch.active = item.batch.active & ~own
+            first += len(item.rows)
+        self._hold_lonely()
+        self._actives = [batch.active.copy() for batch in numbering.batches]
+        self._frozen = self._table.frozen.copy()
+        result = self._solve(max_iterations=ITERATIONS)
+        self._solution = Place(self._table.state()) if result.converged else None
 
     def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
         """All equations as they are given, at a place; applied parameters have their other values.
 
         Coordinates that were freed stay where they are: their values are put back along the tangent.
         """
-        result, is_there = self._result, place is self._solution and self._is_plain
+        result, is_there = self._result, place is self._given
         self._table.restore(place.state)
         if result is None or applied or not is_there or not result.has_covariances:
             self._hold(applied)
