@@ -38,7 +38,9 @@ def images_off(model: BlockModel, place: Place) -> IntArray:
     return found if len(found) < _HALF * np.count_nonzero(known) else found[:0]
 
 
-def with_images(record: DiagnosisRecord, model: BlockModel, images: IntArray, before: float) -> DiagnosisRecord:
+def with_images(
+    record: DiagnosisRecord, model: BlockModel, images: IntArray, before: float
+) -> DiagnosisRecord:
     """What was found without some images, with these accused.
 
     Args:
