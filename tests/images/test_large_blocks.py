@@ -6,8 +6,8 @@ import scenes
 from accused import diagnosis
 
 
-def _block():
-    block, _, _ = scenes.block(n_images=8, n_points=700, n_control=7)
+def _block(n_images=8):
+    block, _, _ = scenes.block(n_images=n_images, n_points=700, n_control=7)
     block.freeze_parameters("K.|p.|b.")
     return block
 
@@ -35,7 +35,7 @@ def test_a_whole_image_is_named_and_what_else_is_wrong():
 
 @pytest.mark.slow
 def test_noise_that_is_larger_than_announced_accuses_nobody():
-    block = _block()
+    block = _block(4)
     tails = np.random.default_rng(3).standard_t(2, block.sets[0].measures.xy.shape)
     block.sets[0].measures.xy[:] += 3.0 * tails
     found = diagnosis(block)
