@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from obseq.cli.bundle_sources import OTHERS
+from obseq.formats.blocks.catalogue import BLOCKS
 from obseq.formats.catalogue import FORMATS, Role
 from obseq.formats.conversion import NETWORK_WRITERS, RESULT_WRITERS
 
@@ -35,7 +35,7 @@ def page() -> str:
             written = [".csv", ".obs.csv"]
         cells = (known.name, " ".join(ends), known.holds, known.role.value, " ".join(written) or "-")
         rows.append(f"| {' | '.join(cells)} |\n")
-    blocks = "".join(f"| `--{name} {kind}` | {what} |\n" for name, (kind, what) in OTHERS.items())
+    blocks = "".join(f"| `--{form.option} {form.takes}` | {form.holds} |\n" for form in BLOCKS)
     results = f"Results (`.json`) are written as {', '.join(RESULT_WRITERS)}."
     images = f"## Blocks of images\n\n| `obseq bundle` | is |\n|---|---|\n{blocks}"
     return f"{HEAD}{''.join(rows)}\n{results}\n\n{images}"

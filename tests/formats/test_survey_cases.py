@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
+from obseq.errors import InputError
 from obseq.formats import StochasticModel, read_stochastic
 from obseq.survey import Network
 
@@ -220,3 +221,21 @@ def test_a_file_of_the_stochastic_model_is_checked(tmp_path, text, message):
     (tmp_path / "w.toml").write_text(text)
     with pytest.raises(InputError, match=message):
         read_stochastic(tmp_path / "w.toml")
+
+
+def test_a_project_file_of_dynadjust_names_its_files(shared_data, tmp_path):
+    """As the two files together; what changes measurements is refused by name."""
+    shutil.copytree(shared_data / "survey-cases" / "02-dna-utm-zone-digits", tmp_path / "case")
+    head = "# a project\n\n#general (35)   VALUE\n----\nnetwork-name   n\n\n#import (35)   VALUE\n----\n"
+    lines = "stn-msr-file    net.stn  \nstn-msr-file    net.msr  \nv-scale   1\ninclude-msr-types  \n"
+    path = tmp_path / "case" / "a.dnaproj"
+    path.write_text(head + lines)
+    given = Network.read_project(path)
+    told = Network.read_project([path.with_name("net.stn"), path.with_name("net.msr")])
+    np.testing.assert_array_equal(given.book.observations.values, told.book.observations.values)
+    path.write_text(head + lines.replace("v-scale   1", "v-scale   2.5"))
+    with pytest.raises(InputError, match=r"a\.dnaproj:11: v-scale 2\.5 changes what is adjusted"):
+        Network.read_project(path)
+    path.write_text(head)
+    with pytest.raises(InputError, match="no stn-msr-file of the section #import"):
+        Network.read_project(path)

@@ -210,7 +210,7 @@ WRONG = {
     "T A 50 1 90": "begins with TB",
     "G1 A-P 1 2 3": "no covariance",
     "G2 1 2 3": "G2 stands where G1 is expected",
-    ".GPS FACTOR 2 VERT 3": "the same in plan and height",
+    ".GPS FACTOR 2 VERT -3": "VERT and another one",
     ".D ON": "is not known here",
     "P A 50 10 100": "geographic coordinates",
     "XX A-P 1": "unknown code",
@@ -298,6 +298,23 @@ def test_vectors_have_a_place_on_the_earth(tmp_path, weight):
     np.testing.assert_allclose(network.book.clusters[0].covariance, 4.0 * covariance, rtol=1e-9)
     adjusted = network.adjust()
     np.testing.assert_allclose(adjusted.points.crs_coordinates[1], (700120, 6600110, 55), atol=2e-4)
+
+
+def test_the_vertical_of_vectors_may_have_a_factor_of_its_own(tmp_path):
+    """East, north and up at A have sigmas 1, 1 and 1 mm, then 2, 2 and 5 mm, wherever the axes point to."""
+    text = vectors("COV", "1e-6 1e-6 1e-6", "0 0 0").replace("FACTOR 2", "FACTOR 2 VERT 5")
+    network = read(tmp_path, text, points_crs="EPSG:2154")
+    covariance = network.book.clusters[0].covariance
+    place = network.points_crs.geodetic(np.array([700000.0, 6600000.0, 50.0]))
+    longitude, latitude = place[0], place[1]
+    up = np.array(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    )
+    assert up @ covariance @ up == pytest.approx(25e-6, rel=1e-6)
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    assert east @ covariance @ east == pytest.approx(4e-6, rel=1e-6)
+    assert abs(east @ covariance @ up) < 1e-11
+    np.testing.assert_allclose(network.book.observations.sigmas**2, np.diag(covariance))
 
 
 def test_vectors_without_a_place_are_refused(tmp_path):

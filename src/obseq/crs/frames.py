@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 GEOGRAPHIC, GEOCENTRIC = "GEOGRAPHIC_3D_CRS", "GEOCENTRIC_CRS"
 """Kinds of systems as PROJ calls them: longitude, latitude and ellipsoidal height; X, Y and Z."""
+_YEAR_OF_ITRF = re.compile(r"itrf19(?=\d\d$)")
 A_DAY = 1.5 / 365.25
 """Epochs (years) so close together are one: no plate moves by 0.5 mm in a day."""
 
@@ -80,8 +82,9 @@ def _is_near(source: FrameAtEpoch, target: FrameAtEpoch) -> bool:
 
 
 def _plain(name: str) -> str:
-    """A name without the differences of writing."""
-    return "".join(letter for letter in name.casefold() if letter.isalnum())
+    """A name without the differences of writing: ITRF1997, as DynAdjust has it, is ITRF97."""
+    plain = "".join(letter for letter in name.casefold() if letter.isalnum())
+    return _YEAR_OF_ITRF.sub("itrf", plain)
 
 
 @lru_cache(maxsize=2)

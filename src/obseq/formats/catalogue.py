@@ -118,12 +118,19 @@ FORMATS = (
         ("DnaXmlFormat",),
     ),
     Format(
+        "DynAdjust",
+        (".dnaproj",),
+        "dynadjust.project_file:read_dnaproj",
+        Role.NETWORK,
+        "projects: files of stations and measurements, geoid",
+    ),
+    Format(
         "STAR*NET",
-        (".dat",),
+        (".dat", ".gps"),
         "starnet.reader:read_starnet",
         Role.NETWORK,
         "points, angles, sets, traverses, levels, GNSS vectors, inline options",
-        sign=r"(?:\s*#[^\n]*\n|\s*\n)*\s*\.(?:2D|3D|UNITS|ORDER)\b",
+        sign=r"(?:\s*#[^\n]*\n|\s*\n)*\s*(?:\.(?:2D|3D|UNITS|ORDER|GPS)\b|G[01][ \t])",
     ),
     Format(
         "STAR*NET",
@@ -148,6 +155,14 @@ FORMATS = (
         Role.NETWORK,
         "GNSS solutions: estimates, normal equations",
         sign=r"%=SNX",
+    ),
+    Format(
+        "GVX",
+        (".gvx",),
+        "gvx.reader:read_gvx",
+        Role.NETWORK,
+        "GNSS vectors from mark to mark, with their covariances",
+        ("GVX",),
     ),
     Format(
         "tables",

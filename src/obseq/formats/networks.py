@@ -21,6 +21,7 @@ from obseq.formats.once import require_distinct
 from obseq.formats.project import NOTHING, Reading
 from obseq.formats.registry import read_project
 from obseq.formats.stochastic import read_stochastic
+from obseq.formats.vertical_factors import with_vertical_factors
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
@@ -116,7 +117,7 @@ def read_project_network(
         network = project.stochastic.centring(network, chosen)
     elif stochastic is not None and project.stochastic is NOTHING:
         network = model.weighing(network)
-    network = with_axes_told(network)
+    network = with_axes_told(with_vertical_factors(network, project.vertical_factors))
     if place is None or project.has_geoid:
         return network
     if "deflections" in left_out:

@@ -45,6 +45,7 @@ class Project:
             are in metres here. NaN for coordinates in the units of their system; None where all are.
         stochastic: What observations of its instruments are worth.
         centred: Rows of observations in whose standard deviations centring is still to be.
+        vertical_factors: Of GNSS vectors, by their first row (`vertical_factors`).
     """
 
     points: Points
@@ -61,6 +62,7 @@ class Project:
     units: FloatArray | None = None
     stochastic: StochasticModel = NOTHING
     centred: tuple[int, ...] = ()
+    vertical_factors: Mapping[int, float] = field(default_factory=dict)
 
     def points_in(self, definition: str | None) -> Points:
         """The points with coordinates in the units of their system.

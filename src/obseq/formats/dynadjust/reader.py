@@ -26,7 +26,7 @@ STN, MSR = ".stn", ".msr"
 
 
 @dataclass(frozen=True, eq=False)
-class _Content:
+class Content:
     """What files hold together.
 
     Attributes:
@@ -68,7 +68,7 @@ def read_dna(paths: tuple[Path, ...], reading: Reading) -> Project:
         else:
             measurements += file.measurements()
     header = min(headers, key=lambda item: item[0])[1]
-    return _project(_Content(header, stations, measurements, tuple(map(str, paths))), reading)
+    return network_of(Content(header, stations, measurements, tuple(map(str, paths))), reading)
 
 
 def read_dynaml(paths: tuple[Path, ...], reading: Reading) -> Project:
@@ -82,10 +82,15 @@ def read_dynaml(paths: tuple[Path, ...], reading: Reading) -> Project:
     header = next((file.header for file, found in zip(files, stations, strict=True) if found), Header())
     measurements = [record for file in files for record in file.measurements()]
     together = [record for found in stations for record in found]
-    return _project(_Content(header, together, measurements, tuple(map(str, paths))), reading)
+    return network_of(Content(header, together, measurements, tuple(map(str, paths))), reading)
 
 
-def _project(content: _Content, reading: Reading) -> Project:
+def network_of(content: Content, reading: Reading) -> Project:
+    """The network of stations and measurements.
+
+    Raises:
+        InputError: Some are missing, or cannot be understood.
+    """
     for what, found in (("station", content.stations), ("measurement", content.measurements)):
         if not found:
             raise InputError(

@@ -194,6 +194,7 @@ class _Reader:
             is_from_grid_north=True,
             stochastic=self._model,
             centred=tuple(self._observations.centred),
+            vertical_factors=self._vectors.vertical_factors,
         )
 
     def _told(self) -> Iterator[str]:

@@ -48,6 +48,7 @@ class Options:
         instrument: Name of the instrument; empty for none.
         correlations: Whether GNSS vectors have standard errors and correlations, not covariances.
         factor: What the standard errors of GNSS vectors are multiplied by.
+        vertical: What those along the vertical are multiplied by, beyond that.
         adds_centring: Whether centring counts for standard errors that stand in lines too.
     """
 
@@ -63,6 +64,7 @@ class Options:
     instrument: str = ""
     correlations: bool = False
     factor: float = 1.0
+    vertical: float = 1.0
     adds_centring: bool = False
 
     @property
@@ -307,12 +309,13 @@ def _gps(options: Options, line: Line, rest: list[str]) -> Options:
         for name, correlations in (("covariance", False), ("stderrcorrelation", True)):
             if name.startswith(rest[1]):
                 return replace(options, correlations=correlations)
-    is_one_factor = len(rest) == 2 or (len(rest) == 4 and rest[2] == "vert" and rest[3] == rest[1])
-    if rest[:1] == ["factor"] and is_one_factor and line.number(rest[1]) > 0.0:
-        return replace(options, factor=line.number(rest[1]))
+    if rest[::2] in (["factor"], ["factor", "vert"]) and len(rest) % 2 == 0:
+        factor, vertical = line.number(rest[1]), line.number(rest[-1])
+        if factor > 0.0 and vertical > 0.0:
+            return replace(options, factor=factor, vertical=vertical / factor)
     raise line.error(
         ".GPS is followed by WEIGHT COVARIANCE, WEIGHT STDERRCORRELATION, or FACTOR and a number above zero, "
-        "the same in plan and height"
+        "perhaps VERT and another one"
     )
 
 

@@ -26,6 +26,7 @@ class VectorLines:
     def __init__(self, columns: Columns, files: Mapping[str, int]) -> None:
         self._columns, self._files = columns, files
         self._open: list[Line] = []
+        self.vertical_factors: dict[int, float] = {}
 
     def read(self, line: Line) -> None:
         """Takes one line.
@@ -64,6 +65,8 @@ class VectorLines:
         for kind, value, sigma in zip((VECTOR, VECTOR_Y, VECTOR_Z), values, sigmas, strict=True):
             measure = Measure(kind, origin, target, value, sigma)
             self._columns.append(measure, self._files[vector.file.name], vector.index)
+        if diagonal.options.vertical != 1.0:
+            self.vertical_factors[first] = diagonal.options.vertical
         self._columns.correlate([first, first + 1, first + 2], covariance)
 
     @staticmethod

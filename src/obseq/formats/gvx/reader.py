@@ -1,0 +1,131 @@
+"""GNSS vectors as GVX 1.0 (GNSS Vector Exchange, of the US National Geodetic Survey).
+
+Vectors go from mark to mark along geocentric axes, with standard deviations and correlations. Points that
+have the same name are one: a file has one for each occupation. No point is known: known ones come in a file
+of their own, in the reference system of the points.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.formats.dynadjust.reader import Content, network_of
+from obseq.formats.dynadjust.records import Header, MeasurementRecord, Member, Place, StationRecord
+from obseq.reading.text import quoted
+from obseq.reading.xml import Element, read_xml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from obseq.arrays import FloatArray
+    from obseq.formats.project import Project, Reading
+
+ROOT = "GVX"
+METRES = ("metre", "metres", "meter", "meters", "m")
+DELTAS, SIGMAS = ("DX", "DY", "DZ"), ("SDX", "SDY", "SDZ")
+CORRELATIONS = (("PXY", 0, 1), ("PXZ", 0, 2), ("PYZ", 1, 2))
+FREE = "FFF"
+
+
+def read_gvx(paths: tuple[Path, ...], reading: Reading) -> Project:
+    """Reads files of vectors that belong together.
+
+    Raises:
+        InputError: Naming file and line, what is wrong and what to do.
+    """
+    files = [_File(read_xml(path)) for path in paths]
+    stations: dict[str, StationRecord] = {}
+    for file in files:
+        if file.frame != files[0].frame:
+            raise file.root.error(f"its points are in {file.frame}, those of {paths[0]} in {files[0].frame}")
+        for station in file.stations():
+            stations.setdefault(station.name, station)
+    measurements = [vector for file in files for vector in file.vectors()]
+    header = Header(files[0].frame, files[0].epoch)
+    content = Content(header, list(stations.values()), measurements, tuple(map(str, paths)))
+    return network_of(content, reading)
+
+
+class _File:
+    """One file: the frame of its points, their names by identifier."""
+
+    def __init__(self, root: Element) -> None:
+        if root.name != ROOT:
+            raise root.error(f"<{root.name}> is not a GVX file")
+        self.root, self._points = root, {p.content("ID"): p for p in root.named("POINT")}
+        systems = {system.content("ID"): system for system in root.named("REFERENCE_SYSTEM")}
+        places = [_inside(point, "COORDINATES") for point in self._points.values()]
+        used = {place.content("REFERENCE_SYSTEM_ID") for place in places}
+        if len(used) != 1 or not used <= systems.keys():
+            raise root.error(
+                f"points are in {len(used)} reference systems ({', '.join(sorted(used))}); one is read"
+            )
+        system = systems[used.pop()]
+        unit = system.first("LINEAR_UNIT")
+        if unit is not None and unit.content("NAME", "metre").lower() not in METRES:
+            raise unit.problem(f"{quoted(unit.content('NAME'))}: only metres are read")
+        self.frame = system.content("NAME")
+        epochs = {place.numeric("EPOCH", math.nan) for place in places}
+        self.epoch = epochs.pop() if len(epochs) == 1 else math.nan
+
+    def stations(self) -> Iterator[StationRecord]:
+        """The points, free, at their geocentric coordinates."""
+        for point in self._points.values():
+            place = _inside(_inside(point, "COORDINATES"), "GEOCENTRIC_COORDINATES")
+            x, y, z = (place.numeric(axis) for axis in "XYZ")
+            yield StationRecord(_name(point), FREE, "XYZ", (x, y, z), "", "", _place(point))
+
+    def vectors(self) -> Iterator[MeasurementRecord]:
+        """The vectors, each with its covariance."""
+        for element in self.root.named("GNSS_VECTOR"):
+            names = tuple(self._end(element, f"{end}_POINT_ID") for end in ("INITIAL", "TERMINAL"))
+            deltas = _inside(element, "ECEF_DELTAS")
+            values = tuple(deltas.numeric(axis) for axis in DELTAS)
+            covariance = _covariance(_inside(element, "CORRELATION_MATRIX"))
+            member = Member(names, values, math.nan, covariance, (), True, _place(element))
+            yield MeasurementRecord(
+                "G",
+                True,
+                names,
+                members=(member,),
+                header=Header(self.frame, self.epoch),
+                place=_place(element),
+            )
+
+    def _end(self, element: Element, which: str) -> str:
+        found = self._points.get(element.content(which))
+        if found is None:
+            raise element.problem(f"{which} {quoted(element.content(which))!r} is no POINT of the file")
+        return _name(found)
+
+
+def _name(point: Element) -> str:
+    """The name of a point, as files of networks can hold it."""
+    return "_".join(point.content("NAME", point.content("ID")).split())
+
+
+def _inside(element: Element, name: str) -> Element:
+    found = element.first(name)
+    if found is None:
+        raise element.problem(f"{name} is missing")
+    return found
+
+
+def _place(element: Element) -> Place:
+    return Place(element.file.name, element.line)
+
+
+def _covariance(matrix: Element) -> FloatArray:
+    """(3, 3) m^2."""
+    sigmas = np.array([matrix.numeric(name) for name in SIGMAS])
+    found = np.eye(3)
+    for name, row, column in CORRELATIONS:
+        found[row, column] = found[column, row] = matrix.numeric(name)
+    found = found * np.outer(sigmas, sigmas)
+    if not (sigmas > 0.0).all() or np.linalg.eigvalsh(found)[0] <= 0.0:
+        raise matrix.problem("the covariance is not positive definite")
+    return found
