@@ -2,11 +2,13 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from obseq.codegen import ondemand
 from obseq.codegen.c99 import write_headers
+from obseq.codegen.cpp import write_classes
+from obseq.codegen.cuda import write_kernels
 from obseq.codegen.documentation import FOLDER, render_pages
 from obseq.codegen.files import (
     Change,
@@ -18,6 +20,7 @@ from obseq.codegen.files import (
     render_all,
     render_modules,
 )
+from obseq.codegen.jax_text import write_functions
 from obseq.codegen.modules import REPORT, Module, recorded_operations
 from obseq.codegen.new_project import write_project
 from obseq.codegen.pipeline import shown
@@ -25,6 +28,14 @@ from obseq.codegen.project import Project, find_project
 from obseq.errors import ObseqError
 from obseq.formulas.base import Formula
 from obseq.module_texts import OWN
+
+TARGETS: dict[str, tuple[Callable[[list[Formula], Path], list[Path]], str]] = {
+    "c99": (write_headers, "C99 headers"),
+    "cpp": (write_classes, "C++ classes that are called as MMVII's"),
+    "jax": (write_functions, "JAX functions"),
+    "cuda": (write_kernels, "CUDA kernels"),
+}
+"""Other languages: the option, what writes a file for each formula, and what these are."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,8 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.stages:
             print("\n\n".join("\n".join(shown(formula)) for formula in formulas))
             return 0
-        if options.c99:
-            return _write_c99(formulas, options.c99)
+        for target, (write, what) in TARGETS.items():
+            if folder := getattr(options, target):
+                written = write(formulas, folder)
+                print(f"wrote {len(written)} {what} in {folder}")
+                return 0
         print(f"reads {project}")
         return _run(project, formulas, options)
     except ObseqError as error:
@@ -65,9 +79,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--stages", action="store_true", help="only show what each stage of the generator makes of them"
     )
-    parser.add_argument(
-        "--c99", type=Path, metavar="DIR", help="only write a C99 header of each in this folder"
-    )
+    for target, (_, what) in TARGETS.items():
+        parser.add_argument(f"--{target}", type=Path, metavar="DIR", help=f"only write {what} in this folder")
     return parser
 
 
@@ -131,12 +144,6 @@ def _refuse(more: list[str]) -> int:
     print("\n".join(more))
     print("gencode: kernels that do more are not written; --accept-more writes them", file=sys.stderr)
     return 1
-
-
-def _write_c99(formulas: list[Formula], folder: Path) -> int:
-    written = write_headers(formulas, folder)
-    print(f"wrote {len(written)} C99 headers in {folder}")
-    return 0
 
 
 def _packages(root: Path, modules: dict[str, Module]) -> list[Change]:

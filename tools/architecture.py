@@ -105,9 +105,11 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "adjustment": ("initial", "model", "kinds"),
         "causes": ("adjustment", "initial", "model", "points", "kinds"),
         "diagnosing": ("causes", "adjustment", "initial", "model", "points", "kinds"),
+        "by_name": ("adjustment", "model", "kinds"),
         "fieldwork": ("diagnosing", "causes", "adjustment", "initial", "model"),
         "grid_bearings": ("fieldwork", "adjustment", "model", "kinds"),
         "network": (
+            "by_name",
             "fieldwork",
             "diagnosing",
             "adjustment",
@@ -143,7 +145,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "registry": ("catalogue", "once", "project"),
         "vertical_factors": (),
         "networks": (
-            *("registry", "obs", "default_sigmas", "once", "project", "stochastic"),
+            *("registry", "obs", "default_sigmas", "levelled_points", "once", "project", "stochastic"),
             "vertical_factors",
         ),
         "point_files": ("obs",),
@@ -155,6 +157,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "aicon": ("blocks", "fitted"),
         "colmap": ("blocks", "camera_terms", "fitted"),
         "opensfm": ("blocks", "fitted"),
+        "rpc": ("blocks",),
         "nvm": ("blocks",),
         "openmvg": ("blocks",),
         "meshroom": ("blocks",),

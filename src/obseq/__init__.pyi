@@ -20,4 +20,5 @@ from .kernels.calculator import Calculator as Calculator
 from .kernels.calculator import calculator as calculator
 from .kernels.loading import formula_names as formula_names
 from .leastsquares import LeastSquares as LeastSquares
+from .report.saving import load as load
 from .version import __version__ as __version__

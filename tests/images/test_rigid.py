@@ -1,5 +1,7 @@
 """Rigid blocks: places of cameras from what they see, in six or twelve equations, and their gauges."""
 
+import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -212,7 +214,10 @@ def test_missing_images_are_counted_and_a_mixed_project_is_no_error():
     sigmas = [place.sigmas for place in found.places]
     np.testing.assert_array_equal(sigmas, solution.rigid_place_precisions("TheBloc"))
     shown = page(record)
-    assert f"{residuals.rotations[0, 2]:+.4g}" in shown
+    content = json.loads(re.search(r'id="content">(.*?)</script>', shown)[1])
+    (readings,) = (table["columns"] for table in content["tables"] if table["id"] == "exposures")
+    (column,) = (column["values"] for column in readings if column["title"] == "rot z")
+    assert column[0] == pytest.approx(residuals.rotations[0, 2], rel=1e-4)
     assert "camera B has no image that is adjusted" in shown
 
 

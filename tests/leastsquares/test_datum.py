@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from obseq.errors import InputError
+from obseq.errors import InputError, SingularMatrixError
 from obseq.leastsquares import LeastSquares, LevenbergMarquardt
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.solvers import SymmetricPattern, choose_solver
@@ -96,15 +96,67 @@ def test_a_regular_system_is_left_as_it_is():
     np.testing.assert_allclose(solver.solve(np.eye(24)), np.linalg.inv(matrix), atol=1e-12)
 
 
-def test_a_direction_that_is_not_loose_is_refused():
-    _, matrix = free_network()
+@pytest.mark.parametrize("name", ["dense", "superlu"])
+@pytest.mark.parametrize("weight", [1e-9, 1.0])
+def test_what_is_held_is_held_whatever_observations_say_of_it(name, weight):
+    """A scale that is seen by something, weakly or well, beside the three motions that nothing sees."""
+    points, matrix = free_network()
+    chosen = np.arange(24) < 14
+    arms = (points - points.mean(axis=0)).ravel() / 50.0
+    seen = np.random.default_rng(2).normal(size=24)
+    kernel = np.linalg.svd(matrix)[0][:, -3:]
+    seen -= kernel @ (kernel.T @ seen)
+    matrix = matrix + weight * np.outer(seen, seen)
     pattern, values = SymmetricPattern.of(matrix)
-    along = np.random.default_rng(2).normal(size=(len(matrix), 1))
-    chosen = np.ones(len(matrix), np.bool_)
-    solver = DatumSolver(choose_solver(pattern, "dense"), chosen, lambda: 0.0 * along[:, 0], loose=along)
+    motions = np.column_stack([kernel, arms])
+    along = np.where(chosen[:, None], motions, 0.0)
+    offset = np.random.default_rng(1).normal(size=24)
+    solver = DatumSolver(choose_solver(pattern, name), chosen, lambda: offset, None, lambda: along, 4)
     solver.analyse(pattern)
-    with pytest.raises(InputError, match="direction 0 of the datum, said to be loose, is determined"):
-        solver.factor(values)
+    solver.factor(values)
+    expected = bordered_inverse(matrix, motions, chosen)
+    scale = np.abs(expected).max()
+    assert solver.dimension == 4
+    np.testing.assert_allclose(solver.solve(np.eye(24)), expected, atol=1e-9 * scale)
+    found = solver.selected_inverse()
+    np.testing.assert_allclose(found, expected[pattern.indices, pattern.columns()], atol=1e-9 * scale)
+    end = solver.settle(np.zeros(24))
+    np.testing.assert_allclose(along.T @ (end + offset), 0.0, atol=1e-9)
+    free = expected @ np.random.default_rng(3).normal(size=24)
+    assert free @ matrix @ end == pytest.approx(0.0, abs=1e-9 * np.abs(matrix).max())
+
+
+def test_a_weak_direction_has_the_digits_of_the_rows():
+    """A scale that one row sees by 3e-8 of what it sees of points: N has 1e-15 of it, which is rounding."""
+    points, _ = free_network()
+    start, end = np.triu_indices(12, 1)
+    sights = (points[end] - points[start]) / np.linalg.norm(points[end] - points[start], axis=1)[:, None]
+    rows = np.zeros((len(start) + 1, 24))
+    for row, (i, j, sight) in enumerate(zip(start, end, sights, strict=True)):
+        across = np.array([-sight[1], sight[0]]) / np.linalg.norm(points[j] - points[i])
+        rows[row, 2 * i : 2 * i + 2], rows[row, 2 * j : 2 * j + 2] = -across, across
+    arms = (points - points.mean(axis=0)).ravel()
+    rows[-1] = 3e-8 * arms / (arms @ arms)
+    shifts = np.tile(np.eye(2), (12, 1))
+    weak = np.column_stack([shifts, arms / 50.0])
+    pattern, values = SymmetricPattern.of(rows.T @ rows)
+    chosen, still = np.ones(24, np.bool_), np.zeros(24)
+    found = {}
+    for seen in (lambda directions: rows @ directions, None):
+        solver = DatumSolver(
+            choose_solver(pattern, "dense"), chosen, lambda: still, None, lambda: weak, 2, seen
+        )
+        solver.analyse(pattern)
+        try:
+            solver.factor(values)
+            found[seen is None] = solver.solve(np.eye(24))
+        except SingularMatrixError:
+            found[seen is None] = np.zeros((24, 24))
+    across = np.linalg.svd(shifts)[0][:, 2:]
+    inverse = np.linalg.pinv(rows @ across, rcond=1e-12)
+    expected = across @ inverse @ inverse.T @ across.T
+    np.testing.assert_allclose(found[False], expected, atol=1e-6 * np.abs(expected).max())
+    assert np.abs(found[True] - expected).max() > 1e-3 * np.abs(expected).max()
 
 
 def test_a_datum_of_one_point_does_not_fix_a_rotation():

@@ -74,9 +74,10 @@ def adjust(network, equations=Equations, unknowns=Unknowns, polish=2):
     unknowns = unknowns(network)
     equations(network, unknowns).orient()
     reference, iterations, left, length = unknowns.values.copy(), 0, polish, np.inf
+    loose = loose_of(network, unknowns, equations)
     while iterations <= MOST and np.isfinite(unknowns.values).all():
         parts = linearised(network, unknowns, equations)
-        design = Design(*with_datum(network, unknowns, reference, *parts))
+        design = Design(*with_datum(network, unknowns, reference, loose, *parts))
         basis, step = design.solved()
         before, length = length, np.linalg.norm(design.white @ step)
         freedom = len(design.v) - basis.shape[1]
@@ -122,13 +123,26 @@ class Design:
         return scales[:, None] * (moving @ (vt.T / s)), scales * (step + moving @ (vt.T @ y))
 
 
-def with_datum(network, unknowns, reference, v, jacobian, covariance, c, hold):
-    """The equations, and of a free network that its datum moves as little as can be from a reference."""
+def loose_of(network, unknowns, equations=Equations):
+    """The motions of a free network, decided where it is: that is its reference; None with known points."""
     if network.inner is None:
+        return None
+    _, jacobian, covariance, _, hold = linearised(network, unknowns, equations)
+    return network.loose(unknowns, jacobian, whitened(jacobian, covariance), hold)
+
+
+def whitened(jacobian, covariance):
+    """Rows over the root of their covariance."""
+    return np.linalg.solve(np.linalg.cholesky(covariance), jacobian)
+
+
+def with_datum(network, unknowns, reference, loose, v, jacobian, covariance, c, hold):
+    """The equations, and of a free network that its datum moves as little as can be from a reference."""
+    if loose is None:
         return v, jacobian, covariance, c, hold
-    loose = network.loose(unknowns, jacobian, np.linalg.solve(np.linalg.cholesky(covariance), jacobian), hold)
-    rows, datum = network.datum_rows(unknowns), np.zeros((loose.shape[1], len(unknowns.values)))
-    datum[:, rows] = loose[rows].T
+    rows, moves = network.datum_rows(unknowns), loose(unknowns, whitened(jacobian, covariance), hold)
+    datum = np.zeros((moves.shape[1], len(unknowns.values)))
+    datum[:, rows] = moves[rows].T
     away = np.zeros(len(reference))
     away[rows] = (unknowns.values - reference)[rows]
     return v, jacobian, covariance, np.concatenate([c, datum @ away]), np.vstack([hold, datum])
@@ -186,7 +200,8 @@ def inner_covariance(network, found):
     for key, part in unknowns.at.items():
         unknowns.values[part] = found.unknowns.values[found.unknowns.at[key]]
     unknowns.bases |= found.unknowns.bases
-    parts = with_datum(free, unknowns, unknowns.values, *linearised(free, unknowns))
+    loose = loose_of(free, unknowns)
+    parts = with_datum(free, unknowns, unknowns.values, loose, *linearised(free, unknowns))
     design = Design(*parts)
     found = result(free, unknowns, design, design.solved()[0], 0)
     return found.covariance(np.arange(3 * len(free.points)))

@@ -60,14 +60,19 @@ class Block(Network):
     datum: str = "control"
 
     def loose(self, unknowns, jacobian, white, hold):
-        """(u, d) what no measure sees."""
-        _, s, vt = np.linalg.svd(np.vstack([white, hold]) / (scale := np.linalg.norm(white, axis=0)))
-        return vt[int((s > 1e-9 * s[0]).sum()) :].T / scale[:, None]
+        """Unknowns, with their equations -> (u, d) what no measure sees."""
+        return lambda _, white, hold: unseen(white, hold)
 
     def datum_rows(self, unknowns):
         if self.datum == "points":
             return super().datum_rows(unknowns)
         return [unknowns.at["centre", image.name].start + k for image in self.images for k in range(3)]
+
+
+def unseen(white, hold):
+    """(u, d) what equations do not see."""
+    _, s, vt = np.linalg.svd(np.vstack([white, hold]) / (scale := np.linalg.norm(white, axis=0)))
+    return vt[int((s > 1e-9 * s[0]).sum()) :].T / scale[:, None]
 
 
 class BlockUnknowns(Unknowns):

@@ -97,8 +97,12 @@ class Network:
         ]
 
     def loose(self, unknowns, jacobian, white, hold):
-        """(u, d) motions of the whole network that its equations do not determine (docs/statistics.md)."""
-        return loose_motions(self, unknowns, (jacobian, hold), white)
+        """Unknowns, with their equations -> (3n, d) motions that these do not determine where they are now.
+
+        Which ones, say the equations given here (docs/statistics.md).
+        """
+        fields = loose_motions(self, unknowns, (jacobian, hold), white)
+        return lambda now, *_: fields(now.points())
 
     def orientation(self, setup):
         """Of a set-up, after the rule that what nothing turns is along the vertical."""
@@ -108,29 +112,52 @@ class Network:
 
 
 def loose_motions(network, unknowns, seen_by, white):
-    """(u, d) similarities of the network, instruments following, that are free or loose.
+    """Coordinates (n, 3) -> (3n, d) similarities of the network that are free or loose; instruments follow.
 
     An equation sees curvature only of a motion where that is a thousandth, or the size of the network over
     the radius of the Earth, of what it sees of its points, or less. A motion of which all equations see
     curvature only is loose where its standard deviation is beyond a hundredth of the size.
     """
     n, xyz = 3 * len(network.points), unknowns.points()
-    arms = xyz - xyz.mean(axis=0)
-    extent = 2 * np.linalg.norm(arms, axis=1).max()
-    columns = [np.tile(axis, (len(xyz), 1)) for axis in np.eye(3)]
-    columns += [np.cross(axis, arms) / extent for axis in np.eye(3)] + [arms / extent]
+    middle = xyz.mean(axis=0)
+    extent = 2 * np.linalg.norm(xyz - middle, axis=1).max()
     held = np.array([p.sigmas == 0 for p in network.points])
-    u, s, _ = np.linalg.svd(np.column_stack([np.where(held, 0.0, c).ravel() for c in columns]), False)
-    points = u[:, s > ALIKE * s[0]] * np.sqrt(len(xyz))
+
+    def basic(places):
+        arms = (places - middle) / extent
+        columns = [np.tile(axis, (len(places), 1)) for axis in np.eye(3)]
+        columns += [np.cross(axis, arms) for axis in np.eye(3)] + [arms]
+        return np.column_stack([np.where(held, 0.0, c).ravel() for c in columns])
+
+    u, s, vt = np.linalg.svd(basic(xyz), False)
+    apart = s > ALIKE * s[0]
+    points, made_of = (part * np.sqrt(len(xyz)) for part in (u[:, apart], (vt.T / s)[:, apart]))
     others = -np.linalg.lstsq(white[:, n:], white[:, :n] @ points, rcond=1e-12)[0]
     motions = np.vstack([points, others])
     alone = [np.maximum(np.linalg.norm(part[:, :n], axis=1), 1e-300)[:, None] for part in seen_by]
     shares = np.vstack([part @ motions / size for part, size in zip(seen_by, alone, strict=True)])
     modes = np.linalg.svd(shares)[2].T
     seen = np.abs(shares @ modes).max(axis=0)
-    motions = motions @ modes[:, seen <= max(1e-3, 2 * extent / MEAN_RADIUS)]
-    _, weights, turned = np.linalg.svd(white @ motions, full_matrices=False)
-    return (motions @ turned.T)[:, weights * 0.01 * extent < 1.0]
+    curved = modes[:, seen <= max(1e-3, 2 * extent / MEAN_RADIUS)]
+    _, weights, turned = np.linalg.svd(least(white, points @ curved), full_matrices=False)
+    shares = (made_of @ curved @ turned.T)[:, weights * 0.01 * extent < 1.0]
+    return lambda places: basic(places) @ shares
+
+
+def least(white, points):
+    """(m, k) the least that rows see where points (3n, k) move on the whole, all unknowns as they like.
+
+    What the points do has a mean product of 1 with one motion, of 0 with the others.
+    """
+    n, k = points.shape
+    if not k:
+        return white[:, :0]
+    rest = np.zeros((white.shape[1], white.shape[1] - k))
+    rest[:n, : n - k] = np.linalg.svd(points)[0][:, k:]
+    rest[n:, n - k :] = np.eye(len(rest) - n)
+    rows, free = white[:, :n] @ points, white @ rest
+    scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
+    return rows - free @ (np.linalg.lstsq(free / scale, rows, rcond=1e-12)[0] / scale[:, None])
 
 
 class Unknowns:

@@ -10,6 +10,7 @@ import pytest
 from obseq.records.shown_units import ShownUnits
 from obseq.report import page
 from obseq.report.packed import packed
+from obseq.report.page import MOST_OBSERVATIONS
 from obseq.report.said import length, name, small
 from obseq.report.said import plain as said
 from obseq.report.units import Units
@@ -244,3 +245,31 @@ def test_numbers_in_sentences_are_written_in_any_units() -> None:
     assert said(sentence, Units(ShownUnits())) == "off by 12.30 mm and 0.637 mgon at 12.5000 m"
     assert said(sentence, Units(ShownUnits("ft", "dms"))) == "off by 0.04035 ft and 2.06 sec at 41.0105 ft"
     assert said(name("{{length|1|}}"), Units(ShownUnits())) == "{ {length|1|}}"
+
+
+def test_a_large_network_has_its_worst_and_weakest_observations(plain, make) -> None:
+    """What the page leaves out is said; what is accused is never left out, and leads to its row."""
+    (row,) = [row for row in plain["observations"] if row["line"] == 1]
+    count = MOST_OBSERVATIONS + 1000
+    rows = [
+        row | {"line": k + 1, "residual": 1e-6 * k, "normalised_residual": 1e-3 * k} for k in range(count)
+    ]
+    accused = {
+        "code": "S100",
+        "what": "Dist A -> B (site.obs:4)",
+        "text": "is wrong",
+        "test": 49.0,
+        "limit": 9.0,
+    }
+    accused |= {"observations": [{"file": "site.obs", "line": 4, "row": 3}], "size": [0.5], "sigma": [0.1]}
+    found = {"status": "explained", "left": 1.0, "redundancy": 3, "accused": [accused], "reason": ""}
+    text = page(make(observations=rows, n_observations=count, diagnosis=found))
+    observations = table(text, "observations")
+    assert observations["size"] == MOST_OBSERVATIONS
+    assert f"{MOST_OBSERVATIONS} of {count} observations" in observations["about"]
+    raw = next(column for column in observations["columns"] if column["title"] == "line")["values"]["bytes"]
+    shuffled = np.frombuffer(gzip.decompress(base64.b64decode(raw)), np.uint8)
+    lines = np.frombuffer(shuffled.reshape(8, -1).T.tobytes(), "<f8")
+    assert lines[content(text)["first"]["row"]] == 4
+    assert {1, 2, 3} & set(lines) == set()
+    assert count in lines

@@ -82,3 +82,30 @@ def test_a_map_has_points_without_a_place(tmp_path):
     placed = dict(zip(layers, (f["geometry"] is not None for f in features), strict=True))
     assert placed[("points", "K")] and not placed[("points", "B")] and not placed[("observations", "line")]
     assert ("ellipses", "B") not in placed
+
+
+def test_a_simulated_levelling_has_no_plan_either(tmp_path):
+    read = []
+    for name, text in FILES["tables"].items():
+        (tmp_path / name).write_text(text)
+        read.append(str(tmp_path / name))
+    assert main(["simulate", *read, "--seed", "3", "--out", str(tmp_path / "s")]) == 0
+    assert sorted(path.name for path in (tmp_path / "s").iterdir()) == ["simulated.csv", "simulated.obs"]
+    rows = list(csv.DictReader((tmp_path / "s" / "simulated.csv").read_text().splitlines()))
+    assert all(row[cell] == "" for row in rows for cell in ("x", "y", "sx", "sy"))
+    again = [str(tmp_path / "s" / name) for name in ("simulated.csv", "simulated.obs")]
+    assert main(["adjust", *again, "--json", str(tmp_path / "r.json")]) == 0
+    heights = {point.name: point.z for point in read_json(tmp_path / "r.json").points}
+    assert heights == pytest.approx({"A": 100.0, "B": 101.0, "C": 103.001}, abs=0.01)
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.05, 80.0])
+def test_one_levelled_point_beside_one_known_point_on_the_earth(tmp_path, rise):
+    """Both stand on one vertical: that it could turn there is rounding, and no motion."""
+    known = "A,700000,6600000,100,0.001,0.001,0.001"
+    (tmp_path / "p.csv").write_text(f"name,x,y,z,sx,sy,sz\n{known}\nB,,,,,,\n")
+    (tmp_path / "o.csv").write_text(f"type,from,to,value,sigma\nDH,A,B,{rise},0.001\n")
+    read = [str(tmp_path / name) for name in ("p.csv", "o.csv")]
+    assert main(["adjust", *read, "--points-crs", "EPSG:2154", "--json", str(tmp_path / "r.json")]) == 0
+    point = read_json(tmp_path / "r.json").points[1]
+    assert (point.crs_z, point.crs_sz) == pytest.approx((100.0 + rise, 0.001 * 2**0.5), abs=1e-6)

@@ -17,8 +17,11 @@ from obseq.survey import Network
 SEEDS = (6, 7, 11, 12, 13, 14, 18, 24, 25, 30, 42, 49, 62, 66, 686, 1528, 1817)
 """Of `tools/benchmarks/bench_independent.py`, which does thousands: of all dialects of files and places."""
 
+FREE = (304, 784, 1505, 1782)
+"""Free networks: a refraction of 18 +- 29, weak motions of kilometres and millimetres, tilted instruments."""
 
-@pytest.mark.parametrize("seed", SEEDS)
+
+@pytest.mark.parametrize("seed", [*SEEDS, *FREE])
 def test_a_network_agrees_with_the_referee(tmp_path, seed):
     verdict = judge(case(seed), tmp_path)
     assert verdict is not None

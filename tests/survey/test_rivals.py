@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from obseq.leastsquares import LeastSquaresResult
-from obseq.survey import Network
+from obseq.survey import Network, network_from_tables
 from obseq.survey.adjustment.computation import equations_of
 from obseq.survey.initial.left_out import Determined, leave_out
 
@@ -98,3 +98,47 @@ def test_two_places_that_fit_equally_well_stay_open_however_many_observations_th
     network = Network.read(tmp_path / "a.obs", tmp_path / "a.cor")
     (item,) = network.fieldwork.initial_values().unplaced
     assert "fit several positions equally well" in item.reason
+
+
+def _site(seed):
+    """Eight new points and two known ones with up to 16 sights each, some of the sights grossly wrong."""
+    rng = np.random.default_rng(seed)
+    places = {name: rng.uniform(0.0, 400.0, 2) for name in ("K0", "K1", *(f"P{k}" for k in range(8)))}
+    places = {name: np.append(place, rng.uniform(0.0, 40.0)) for name, place in places.items()}
+    rows = [row for name in ("K0", "K1", "P0", "P2", "P4", "P6") for row in _seen_from(rng, name, places)]
+    for row in rng.choice(len(rows), rng.integers(3, 12), replace=False):
+        kind, *ends, value, sigma = rows[row]
+        wrong = value * rng.uniform(0.3, 1.7) if kind == "Dist" else value + rng.uniform(3.0, 100.0)
+        rows[row] = (kind, *ends, wrong % 200.0 if kind == "Zen" else wrong % 400.0, sigma)
+    known = {name: place if name[0] == "K" else [None] * 3 for name, place in places.items()}
+    points = {"name": list(known)} | {
+        axis: [xyz[k] for xyz in known.values()] for k, axis in enumerate("xyz")
+    }
+    points |= {f"s{axis}": [0.002 if name[0] == "K" else None for name in known] for axis in "xyz"}
+    columns = ("type", "from", "to", "value", "sigma")
+    return network_from_tables(
+        points, dict(zip(columns, map(list, zip(*rows, strict=True)), strict=True)), angles="gon"
+    )
+
+
+def _seen_from(rng, name, places):
+    zero, gon = rng.uniform(0.0, 400.0), 200.0 / np.pi
+    for other in rng.permutation([end for end in places if end != name])[:9].tolist():
+        east, north, up = places[other] - places[name]
+        flat, kind = np.hypot(east, north), rng.integers(3)
+        yield "Hz", name, other, (np.arctan2(east, north) * gon - zero + rng.normal(0.0, 1e-3)) % 400.0, 1e-3
+        if kind < 2:
+            yield "Zen", name, other, np.arctan2(flat, up) * gon + rng.normal(0.0, 1e-3), 1e-3
+        if kind != 1:
+            yield "Dist", name, other, np.hypot(flat, up) + rng.normal(0.0, 2e-3), 2e-3
+
+
+@pytest.mark.parametrize("seed", [761, 1016, 1629, 3829, 4237])
+def test_no_point_with_many_sights_is_lost_to_wrong_ones(seed):
+    """Wrong sights elsewhere spoil sigma0: two places are told apart by what most residuals are."""
+    network = _site(seed)
+    counts = network.book.counts(network.book.observations.active, len(network.points))
+    initial = network.fieldwork.initial_values()
+    (rival, *_) = initial.rivals
+    assert counts[rival] >= 8
+    assert initial.unplaced == ()

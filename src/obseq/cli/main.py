@@ -19,6 +19,7 @@ COMMANDS = {
     "demo": ("demo",),
     "adjust": ("adjust",),
     "bundle": ("bundle",),
+    "satellite": ("satellite",),
     "plan": ("plan", "simulate"),
     "compare": ("compare",),
     "report": ("report",),

@@ -31,7 +31,8 @@ exit code: 0 planned; 1 something is undetermined, or drawn errors disagree; 2 c
 SIMULATE = """
 Writes simulated.obs and simulated.cor in the folder of --out: the values that would be observed if the
 coordinates of the point file were true, with normal errors of the given sigmas (in the known coordinates as
-well, where they have a sigma). Points that are not known keep their coordinates, as approximations."""
+well, where they have a sigma). Points that are not known keep their coordinates, as approximations. Where
+some have no plan, or no height, the points are in simulated.csv: a COR file cannot say so."""
 
 SIMULATE_EXAMPLE = """\
 example:
@@ -140,11 +141,14 @@ def _texts(record: "PlanRecord") -> tuple[str, str, str]:
 def run_simulate(arguments: argparse.Namespace) -> int:
     """Simulate what the command line names."""
     source = source_of(arguments)
-    places = [arguments.out / name for name in ("simulated.obs", "simulated.cor")]
+    observations, cor, table = (arguments.out / f"simulated.{suffix}" for suffix in ("obs", "cor", "csv"))
+    places = [observations, cor, table]
     check_writable(places, source.files)
     with Progress("starting"):
+        from obseq.formats.conversion import tabled_points
         from obseq.formats.obs.cor import cor_text
         from obseq.formats.obs.obs import obs_text
+        from obseq.formats.point_files import csv_text
         from obseq.survey import simulate
 
         network = source.read(places)
@@ -153,9 +157,13 @@ def run_simulate(arguments: argparse.Namespace) -> int:
                 "simulate: OBS files hold no correlated observations, nor groups with unknowns of their own"
             )
         drawn = simulate(network, None if arguments.exact else arguments.seed, noise=not arguments.exact)
-        texts = (obs_text(drawn.book), cor_text(drawn.given_points()))
-        write_all(dict(zip(places, texts, strict=True)))
+        texts = {observations: obs_text(drawn.book)}
+        if drawn.points.is_invented.any():
+            texts[table] = csv_text(tabled_points(drawn))
+        else:
+            texts[cor] = cor_text(drawn.given_points())
+        write_all(texts)
     for text in drawn.book.warnings[len(network.book.warnings) :]:
         print(f"Warning: {text}")
-    print(f"written: {', '.join(map(str, places))}")
+    print(f"written: {', '.join(map(str, texts))}")
     return 0

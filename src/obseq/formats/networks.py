@@ -12,6 +12,7 @@ import numpy as np
 from obseq import crs
 from obseq.errors import noting
 from obseq.formats.default_sigmas import parse_sigmas
+from obseq.formats.levelled_points import hold_plans, with_heights
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.obs.exchanged import told_if_exchanged
 from obseq.formats.obs.free_points import read_points
@@ -64,6 +65,7 @@ def read_network(
             if point_sigma is not None:
                 options = replace(options, sigma=point_sigma)
             points = _read_free_format(point_files, point_format, options)
+        points = with_heights(hold_plans(points, book), book)
     with noting(book.warnings):
         return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
 

@@ -33,4 +33,6 @@ from .rigid import PairStatistics as PairStatistics
 from .rigid import RigidBlock as RigidBlock
 from .rigid import initial_block as initial_block
 from .rigid import pair_statistics as pair_statistics
+from .satellite.block import SatelliteBlock as SatelliteBlock
+from .satellite.block import SatelliteSolution as SatelliteSolution
 from .weighting import Weighting as Weighting

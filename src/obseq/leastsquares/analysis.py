@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.iterations.constraints import Substitution
     from obseq.leastsquares.iterations.strategies import Strategy
+    from obseq.leastsquares.problem.datum import Datum
     from obseq.leastsquares.problem.problem import Problem
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver
@@ -164,7 +165,8 @@ class Analysis:
         return self._on_datum(solver) if self._state.datum.scalars.size else solver
 
     def _on_datum(self, solver: Solver) -> DatumSolver:
-        equations, (scalars, reference, loose) = self.equations, self._state.datum
+        equations, datum = self.equations, self._state.datum
+        scalars, reference = datum.scalars, datum.reference
         table, numbers = equations.table, equations.free.number[scalars]
         beyond, chosen = None, np.zeros(equations.pattern.n, dtype=bool)
         inside = numbers >= 0
@@ -173,9 +175,10 @@ class Analysis:
             chosen[:] = True
             beyond = Beyond(scalars, equations.extended, partial(_change, table, scalars, reference))
         offset = partial(_scattered, table, scalars[inside], reference[inside], numbers[inside], len(chosen))
-        directions = np.zeros((len(chosen), loose.shape[1]))
-        directions[numbers[inside]] = loose[inside]
-        return DatumSolver(solver, chosen, offset, beyond, directions)
+        weak = partial(_directions, table, datum, inside, numbers[inside], len(chosen))
+        is_whole = not equations.viscosities and equations.n_unknowns == equations.pattern.n
+        seen = equations.seen if is_whole else None
+        return DatumSolver(solver, chosen, offset, beyond, weak, datum.n_held, seen)
 
 
 class Analyses:
@@ -283,3 +286,13 @@ def _scattered(
     change = np.zeros(n)
     change[numbers] = _change(table, scalars, reference)
     return change
+
+
+def _directions(
+    table: UnknownTable, datum: Datum, inside: BoolArray, numbers: IntArray, n: int
+) -> FloatArray:
+    """(n, k) what unknowns of the matrix do now along the weak directions of their datum."""
+    moves = datum.weak(table.values)[inside]
+    found = np.zeros((n, moves.shape[1]))
+    found[numbers] = moves
+    return found

@@ -6,12 +6,15 @@ from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
 from obseq.arguments import expecting, instance
+from obseq.printable import printable_line
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.record import encoded
 from obseq.report import adjusted, findings, spared
 from obseq.report.content import numbers_of, tables
-from obseq.report.head import Page
+from obseq.report.head import Page, Place
 from obseq.report.html import escaped
 from obseq.report.packed import packed
 from obseq.report.plan import plan
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
 
     from obseq.records.adjustment import RunRecord
 
+MOST_OBSERVATIONS = 20_000
+"""Rows that a page of a large network has; the result file has all."""
 SCRIPTS = (
     "elements",
     "numbers",
@@ -46,8 +51,12 @@ def adjustment_page(given: AdjustmentRecord) -> Page:
     """All that the page of an adjustment shows; precisions that suspected errors spoil are not among it."""
     record = spared.spared(given)
     rows = numbers_of(record)
+    made = tables(record, rows)
+    kept = _worst(record)
+    if kept is not None:
+        made = [_cut(table, kept) if table["id"] == "observations" else table for table in made]
     lists = findings.findings(record, rows)
-    return Page(
+    shown = Page(
         "adjustment",
         record.title or f"Network of {len(record.points)} points",
         about("Adjustment", record.run),
@@ -58,11 +67,50 @@ def adjustment_page(given: AdjustmentRecord) -> Page:
         lists,
         printed(rows),
         plan(record, rows) if record.points else None,
-        tables(record, rows),
+        made,
         adjusted.sections(record),
         None if record.reliability is None else record.reliability.critical,
         lists[0].items[0].to if record.gross_errors else None,
     )
+    return shown if kept is None else _moved(shown, {row: k for k, row in enumerate(kept)})
+
+
+def _worst(record: AdjustmentRecord) -> list[int] | None:
+    """The observations of a large network that its page has: the accused and the worst; None for all."""
+    found = record.observations
+    if len(found) <= MOST_OBSERVATIONS:
+        return None
+    accused = {place.row for item in record.gross_errors for place in item.observations}
+    weak = {k for k, row in enumerate(found) if row.redundancy is not None and row.redundancy < findings.POOR}
+    size = [abs(row.standardised_residual or row.normalised_residual or 0.0) for row in found]
+    order = sorted(range(len(found)), key=lambda k: (k not in accused, -size[k]))
+    poor = sorted(weak)[: MOST_OBSERVATIONS // 2]
+    return sorted({*poor, *order[: MOST_OBSERVATIONS - len(poor)]})
+
+
+def _cut(table: dict[str, Any], kept: list[int]) -> dict[str, Any]:
+    """The table with some of its rows, which it says."""
+    whole = len(table["columns"][0]["values"])
+    columns = [item | {"values": [item["values"][k] for k in kept]} for item in table["columns"]]
+    marks = {name: [table[name][k] for k in kept] for name in ("angular", "unused")}
+    some = f"The worst and the weakest {len(kept)} of {whole} observations; the result file has all. "
+    return table | marks | {"columns": columns, "about": some + table["about"]}
+
+
+def _moved(shown: Page, places: dict[int, int]) -> Page:
+    """The page whose cards and findings lead to the rows that it has."""
+
+    def of(to: Place | None) -> Place | None:
+        if to is None or to.row is None or to.table != "observations":
+            return to
+        return Place("observations", row=places[to.row]) if to.row in places else Place("observations")
+
+    cards = tuple(structs.replace(card, to=of(card.to)) for card in shown.cards)
+    lists = tuple(
+        structs.replace(part, items=tuple(structs.replace(item, to=of(item.to)) for item in part.items))
+        for part in shown.lists
+    )
+    return structs.replace(shown, cards=cards, lists=lists, first=of(shown.first))
 
 
 def about(what: str, run: RunRecord | None) -> str:
@@ -72,8 +120,6 @@ def about(what: str, run: RunRecord | None) -> str:
 
 def printed(names: Iterable[str]) -> list[str]:
     """Names of points as a page shows them."""
-    from obseq.printable import printable_line
-
     return [printable_line(name) for name in names]
 
 
@@ -89,8 +135,6 @@ def document(shown: Page) -> str:
 
 def _packed(shown: Page) -> Page:
     """The page whose long columns are bytes."""
-    from msgspec import structs
-
     return structs.replace(shown, tables=[_shorter(table) for table in shown.tables])
 
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NoReturn
 
+import numpy as np
+
 from obseq.boundary import Boundary
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
@@ -176,16 +178,35 @@ class Fieldwork:
         place = points.coordinates if before is None else before.points.places
         book, told = without_azimuths(self.book)
         free, book = join(freed(points, place, datum), book)
-        adjustment = replace(self, points=free, book=book)._adjusted_as_given(computation, strict=strict)
+        released = replace(self, points=free, book=book)
+        start = None if before is None else released._oriented(before)
+        adjustment = released._adjusted_as_given(computation, strict=strict, start=start)
         if before is None:
             return replace(adjustment, warnings=(*told, *adjustment.warnings))
+        told_before = {item.what for item in before.left_out}
+        more = tuple(item for item in adjustment.left_out if item.what not in told_before)
         return replace(
             adjustment,
-            warnings=(*told, *before.warnings),
-            left_out=before.left_out,
+            warnings=(*told, *(item.sentence() for item in more), *before.warnings),
+            left_out=(*before.left_out, *more),
             replaced=before.replaced,
             diagnosis=before.diagnosis if before.gross_errors else adjustment.diagnosis,
         )
+
+    def _oriented(self, before: Adjustment) -> InitialValues:
+        """Initial values, with instruments as an adjustment left them."""
+        initial, turned = self.initial_values(), before.stations.rotations
+        origins, placed = self.book.stations.origins.astype(np.int64), np.isfinite(initial.coordinates)
+        known = np.isfinite(turned).all(axis=(1, 2)) & placed[origins].all(axis=1)
+        if not known.any():
+            return initial
+        coordinates = np.where(placed, initial.coordinates, initial.coordinates[origins[known][0]])
+        rotations, verticals = (
+            initial.rotations.copy(),
+            Plumb(self.frame, self.points).axes(origins, coordinates),
+        )
+        rotations[known] = (turned @ verticals).transpose(0, 2, 1)[known]
+        return replace(initial, rotations=rotations)
 
     def _adjusted_as_given(
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
@@ -237,7 +258,7 @@ class Fieldwork:
             found = computation.computed(given, equations, strict=strict)
         except ObseqError as error:
             failed = error
-        if found is not None and found.adjustment.converged:
+        if found is not None and _is_sound(found):
             return found
         model = self._model(given, None)
         with computation.watch.phase("diagnosis"):
@@ -248,7 +269,7 @@ class Fieldwork:
             except ObseqError:
                 pass
             else:
-                if found is None or again.adjustment.converged:
+                if found is None or _is_sound(again):
                     return again
         if found is not None:
             return found
@@ -301,6 +322,11 @@ class Fieldwork:
 
     def _equations(self, start: Determined) -> Equations:
         return equations_of(self.frame, self.point_system, start)
+
+
+def _is_sound(found: Computed) -> bool:
+    """Whether an adjustment has arrived where all is determined."""
+    return found.adjustment.converged and found.adjustment.solution.weak is None
 
 
 def listed_errors(found: DiagnosisRecord) -> str:

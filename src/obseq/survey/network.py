@@ -32,6 +32,7 @@ from obseq.survey.adjustment.drawing import network_html, network_text
 from obseq.survey.adjustment.frame import Frame, area_warning, frame_of
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
+from obseq.survey.by_name import chosen, robust, with_sigmas
 from obseq.survey.checks.both_faces import MEAN, reduced_faces
 from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
@@ -332,6 +333,7 @@ class Network:
         start=instance(InitialValues) | NOTHING,
         datum=instance(Datum) | NOTHING,
         strategy=TEXT,
+        loss=TEXT | NOTHING,
     )
     def adjust(
         self,
@@ -344,6 +346,7 @@ class Network:
         start: InitialValues | None = None,
         datum: Datum | None = None,
         strategy: str = "controlled",
+        loss: str | None = None,
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -361,12 +364,13 @@ class Network:
                 observations.
             datum: What the network rests on; None for what the files say, or the known coordinates.
             strategy: How the iterations move; see `obseq.LeastSquares.solve`.
+            loss: "huber", "l1", "cauchy" or "tukey" for robust weights.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
-        chosen = self.datum if datum is None else datum
+        datum_chosen = self.datum if datum is None else datum
         watch = Stopwatch(progress)
         computation = Computation(
             self.frame,
@@ -378,9 +382,46 @@ class Network:
             quality,
             strategy=strategy,
         )
+
+        def adjusted(book: FieldBook) -> Adjustment:
+            work = replace(self, book=book).fieldwork
+            return work.adjusted(datum_chosen, computation, strict=strict, start=start)
+
         with noting(self.book.warnings):
-            adjustment = self.fieldwork.adjusted(chosen, computation, strict=strict, start=start)
+            adjustment = robust(self.book, loss, adjusted) if loss else adjusted(self.book)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
+
+    def without(self, *what: str, kind: str | None = None) -> Network:
+        """The network in which some observations take no part.
+
+        Args:
+            *what: Each one a sight "S6 -> P05", a point "S6" (all that name it), or a place
+                "survey.obs:185".
+            kind: Only those of this kind: "Hz", "Dist", ...
+
+        Raises:
+            InputError: No observation is called so.
+        """
+        return replace(self, book=self.book.without(chosen(self.book, what, kind)))
+
+    @expecting(kind=TEXT | NOTHING, factor=NUMBER, sigma=NUMBER | NOTHING)
+    def weights(
+        self, *what: str, kind: str | None = None, factor: float = 1.0, sigma: float | None = None
+    ) -> Network:
+        """The network in which some observations have other sigmas.
+
+        Args:
+            *what: As in `without`; none for all.
+            kind: Only those of this kind: "Hz", "Dist", ...
+            factor: What multiplies their sigmas.
+            sigma: Their sigma, m or rad, in place of what they have.
+
+        Raises:
+            InputError: No observation is called so, or a sigma is not positive.
+        """
+        if not factor > 0.0 or (sigma is not None and not sigma > 0.0):
+            raise InputError("weights: a sigma, or what multiplies it, must be positive")
+        return replace(self, book=with_sigmas(self.book, chosen(self.book, what, kind), factor, sigma))
 
     @expecting(diagnosis=instance(DiagnosisRecord) | NOTHING)
     def without_accused(self, diagnosis: DiagnosisRecord | None) -> Network:

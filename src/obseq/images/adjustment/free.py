@@ -9,6 +9,7 @@ fail, the damped solution is what there is, without precisions.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,11 +64,11 @@ def solve_free(
         damped, more, lost = solve_to_the_end(equations, strategy, solving, further)
         done, dropped = done + more, dropped + lost
     _move_back(equations, chosen, wanted, datum)
-    after, found = [system.values(ids) for ids in groups], system.values(chosen)
+    after = [system.values(ids) for ids in groups]
     for ids, values in zip(groups, before, strict=True):
         system.set_values(ids, values)
     # the datum keeps the present values as its reference
-    system.set_datum(chosen, loose=_movements(equations, found) if _floats(equations) else None)
+    system.set_datum(chosen, motions=partial(_motions, equations) if _floats(equations) else None)
     for ids, values in zip(groups, after, strict=True):
         system.set_values(ids, values)
     result, more = _on_datum(system, damped, covariance, solving)
@@ -137,11 +138,10 @@ def _move_back(
     _turn(equations, motion)
 
 
-def _movements(equations: Equations, places: FloatArray) -> FloatArray:
+def _motions(equations: Equations, places: FloatArray) -> FloatArray:
     """(n, 3, k) how places (n, 3) move with a block that floats: shifted, turned, larger if it has no scale.
 
-    None of these changes a residual, which rounding may hide in the normal matrix. They are mixed: each
-    moves all coordinates.
+    None of these changes a residual, which rounding may hide in the normal matrix.
     """
     arms = places - places.mean(axis=0)
     shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
@@ -149,9 +149,8 @@ def _movements(equations: Equations, places: FloatArray) -> FloatArray:
     axes = np.eye(3) if axis is None else axis[None]
     turns = np.cross(axes, arms[:, None]).swapaxes(1, 2)
     sizes = np.zeros((len(arms), 3, 0)) if _has_scale(equations) else arms[:, :, None]
-    alone = np.linalg.qr(np.concatenate([shifts, turns, sizes], axis=2).reshape(3 * len(arms), -1))[0]
-    mixed = alone - 2.0 * alone.mean(axis=1, keepdims=True)  # reflected: still of length 1, at right angles
-    return np.asarray(mixed.reshape(*places.shape, -1))
+    alone = np.concatenate([shifts, turns, sizes], axis=2).reshape(3 * len(arms), -1)
+    return np.asarray(np.linalg.qr(alone)[0].reshape(*places.shape, -1))
 
 
 def _too_little(datum: str | Sequence[str], why: str) -> str:

@@ -99,6 +99,11 @@ def fit_rpc(
     pixels = worksite.world_to_image(np.full(len(points), shot), points, surface.height_type)
     system = worksite.map
     ground = np.column_stack([np.rad2deg(system.geodetic(points[:, :2])), points[:, 2]])
+    return rpc_through(ground, pixels, degree)
+
+
+def rpc_through(ground: FloatArray, pixels: FloatArray, degree: int = 3) -> Rpc:
+    """Coefficients that take longitude, latitude (degrees), height (n, 3) to sample and line (n, 2)."""
     values = np.column_stack([pixels[:, ::-1], ground[:, [1, 0, 2]]])
     low, high = values.min(axis=0), values.max(axis=0)
     offsets, scales = 0.5 * (high + low), np.where(high > low, 0.5 * (high - low), 1.0)

@@ -280,6 +280,14 @@ class NormalEquations:
         priors = [prior.residuals(self.table.values) * prior.weights for prior in self.priors]
         return np.concatenate([*(self._weighted(batch).ravel() for batch in self.batches), *priors])
 
+    def seen(self, directions: FloatArray) -> FloatArray:
+        """(m, k) what the weighted residuals change along directions (n_free, k), those of priors last."""
+        parts = [directions[self.free.number[p.scalars]] * p.weights[:, None] for p in self.priors]
+        for batch in self.batches:
+            rows = jacobian_rows(self.table, batch)
+            parts.append(whitened_rows(self.table, self.free, batch, rows)[0] @ directions)
+        return np.concatenate(parts)
+
     def raw_residuals(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) computed minus observed, at the current values, in their units."""
         return raw_residuals(self.table, batch, self._threads, partial(self.tile, batch))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import SingularMatrixError
-from obseq.leastsquares.solvers import Defect, SymmetricPattern, choose_solver
+from obseq.leastsquares.solvers import Defect, InverseParts, SymmetricPattern, choose_solver
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -118,6 +118,10 @@ class ConstrainedSolver:
         inner = self._inner.selected_inverse()
         weights = self._back_weight * inner[self._target]
         return np.bincount(self._source, weights, self._pattern.nnz).astype(np.float64)
+
+    def inverse_parts(self) -> InverseParts:
+        """The same, all of it in one part."""
+        return InverseParts(self.selected_inverse(), np.zeros((self._pattern.n, 0)), np.zeros((0, 0)))
 
     def defect(self) -> Defect:
         """Where pivots vanished, in the numbering of N."""

@@ -41,8 +41,8 @@ class DampedPath:
 
     So an unknown that loses its influence does not run away. Points that move in their inverse distance may:
     theirs is the present diagonal. A matrix that is singular from the start is
-    damped; its defect is counted, and stays the same or shrinks. A damped matrix needs no datum: full steps
-    end on it, wherever damped ones have led.
+    damped; its defect is counted, and stays the same or shrinks. A damped matrix needs no datum for what is
+    free: full steps end on it, wherever damped ones have led.
 
     Args:
         equations: The system.
@@ -60,7 +60,6 @@ class DampedPath:
     ) -> None:
         self._equations = equations
         self._solver = self._used = solver
-        self._of_damped = solver.behind if isinstance(solver, DatumSolver) else solver
         self._floor = np.zeros(equations.pattern.n)
         self._seen = equations.table.is_seen[equations.free.scalars]
         self._given = damping
@@ -176,7 +175,9 @@ class DampedPath:
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # far out; what is not finite is an error then
                 linearisation = equations.damped(damping, floor)
-            self._used = self._of_damped if damping else self._solver
+            self._used = self._solver
+            if damping and isinstance(self._solver, DatumSolver):
+                self._used = self._solver.of_damped(damping * floor)
             offset, self._share = self._towards(factor_unexplained(self._used, linearisation))
         except (SingularMatrixError, SingularSystemError) as error:
             self._lost = len(error.indices) if isinstance(error, SingularMatrixError) else 0

@@ -3,27 +3,32 @@
 Observations alone leave the position, orientation or scale of a network undetermined: the normal matrix N has
 a kernel, spanned by the columns of G. Of all the solutions, the one on the datum is closest to the reference
 values of the chosen unknowns D: the sum of squares of their changes is minimal, that is G_D' (x - x0)_D = 0.
+Motions that the observations show too weakly to count are held in the same way, whatever N makes of them:
+C = G_D has a column for each of these, and for each vector of the kernel.
 
-The solution is computed with as many unknowns held as the kernel has dimensions (which ones changes only
-rounding), and carried to the datum by the S-transformation of Baarda: with
+The solution of N x = r with C' x = 0 comes from a sparse factor of M = N + V V'. V has one entry in each
+column: as many unknowns as C has columns are held by weights (which ones changes only rounding). Within the
+datum, the inverses of M and N are
 
-    S = I - G (G_D' G_D)^-1 G_D',        Q = S M^-1 S',
+    P = M^-1 - M^-1 C (C' M^-1 C)^-1 C' M^-1,    Q = P + Z (I - V' Z)^-1 Z',  Z = P V.
 
-M^-1 any generalised inverse of N. So the sparse factor stays sparse, and precisions cost as many extra
-solutions as the kernel has dimensions. (W. Baarda, S-transformations and criterion matrices, 1973.)
+So the factor stays sparse, and precisions cost two extra solutions for each column of C. Where N G = 0, Q is
+the S-transformation of any generalised inverse (W. Baarda, S-transformations and criterion matrices, 1973).
 
-Motions that the observations show too weakly to count are held in the same way. They are in G, and N G is not
-quite 0: `Border` has what that adds.
+Motions that are determined, but weakly, are held in M too, not in C. So M is well conditioned, and only the
+small matrix I - V' Z has what N says of them: half of its digits. The rows of the equations have the others.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, SingularMatrixError
+from obseq.leastsquares.solvers import InverseParts
 from obseq.leastsquares.solvers.rank import LARGEST_EXAMINED, leading_rows, replacement_pivots
 
 if TYPE_CHECKING:
@@ -35,17 +40,11 @@ if TYPE_CHECKING:
     from obseq.leastsquares.solvers import Defect, Solver, SolverStatistics, SymmetricPattern
 
 
-ALIKE = 1e-6
-"""Relative size below which the datum's unknowns do not see a vector of the kernel."""
+Seen: TypeAlias = "Callable[[FloatArray], FloatArray]"
+"""Directions (n, k) -> (m, k) what the equations see of them, over sigmas."""
 
-NEW = 0.1
-"""Share of a loose direction outside the kernel from which it is another one: verticals bend it less."""
-
-ROUNDING = 1e-14
-"""Share of a variance that the datum leaves as rounding: what it alone determines has none."""
-
-VANISHING = 1e-12
-"""Share of what the diagonal of N makes of a motion below which N makes nothing of it."""
+WEAK = 1e-6
+"""Share of what holds a direction that N adds: below, N has too few digits of it, and the rows are asked."""
 
 WEAKEST_DATUM = 1e-12
 """Share of the kernel that the chosen unknowns must see: below it they do not fix the datum."""
@@ -53,25 +52,58 @@ WEAKEST_DATUM = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """What is added to S M^-1 S' where N G is not 0: M = N + E W E', E the held unknowns.
-
-    Within the datum, G_D' dx = 0, the inverse of M is S M^-1 S' - Y C Y' with Y = S M^-1 G_D and
-    C = (G_D' M^-1 G_D)^-1. That of N has Z F Z' besides, Z the former times E W^(1/2) and
-    F = (I - W^(1/2) E' Z)^-1.
+    """What makes of a regular M the inverse Q of N = M - V V' within the datum C' x = 0.
 
     Attributes:
-        vectors: (n, 2 k) Y and Z.
-        core: (2 k, 2 k) -C and F.
-        pull: (n, k) N G.
+        vectors: (n, 2 k) such that Q = M^-1 + vectors core vectors'.
+        core: (2 k, 2 k).
+        motions: (n, k) the least that N resists when C' x changes by one in each column.
     """
 
     vectors: FloatArray
     core: FloatArray
-    pull: FloatArray
+    motions: FloatArray
+
+    @classmethod
+    def of(cls, solver: Solver, held: FloatArray, datum: FloatArray, seen: Seen | None) -> Border:
+        """Of a factor of M, V (n, q) and C (n, k); of what equations see of directions."""
+        from scipy.linalg import block_diag, cholesky, solve_triangular
+
+        count = datum.shape[1]
+        of_datum, of_held = np.split(solver.solve(np.hstack([datum, held])), [count], axis=1)
+        root = cholesky(datum.T @ of_datum, lower=True)
+        first = solve_triangular(root, of_datum.T, lower=True).T
+        last = of_held - first @ (first.T @ held)
+        inner = _released(held.T @ last, last, seen)
+        alone = solve_triangular(root, first.T, lower=True, trans=1).T
+        motions = alone + last @ (inner @ (held.T @ alone))
+        return cls(np.hstack([first, last]), block_diag(-np.eye(count), inner), motions)
 
     def times(self, right: FloatArray) -> FloatArray:
         """What is added of right-hand sides (n,) or (n, k)."""
         return np.asarray(self.vectors @ (self.core @ (self.vectors.T @ right)))
+
+
+def _released(kept: FloatArray, directions: FloatArray, seen: Seen | None) -> FloatArray:
+    """(I - H)^-1 of H = V' Z (q, q), Z = P V the directions (n, q).
+
+    What the difference leaves of weak directions is rounding. But Z' N Z = H (I - H), and what the rows of
+    the equations see of Z, the root of it, has its digits.
+    """
+    shares, turned = np.linalg.eigh((kept + kept.T) / 2.0)
+    rest = np.diag(1.0 - shares)
+    weak = shares > 1.0 - WEAK
+    if seen is not None and weak.any():
+        rows = seen(directions @ (turned[:, weak] / np.sqrt(shares[weak])))
+        rest[np.ix_(weak, weak)] = rows.T @ rows
+    if not np.linalg.eigvalsh(rest).min(initial=1.0) > 0.0:
+        raise SingularMatrixError(np.zeros(0, np.int64), np.zeros(0))
+    return np.asarray(turned @ np.linalg.inv(rest) @ turned.T)
+
+
+def _seen_damped(seen: Seen, roots: FloatArray, directions: FloatArray) -> FloatArray:
+    """What equations and a damping, whose roots are (n, 1), see of directions (n, k)."""
+    return np.vstack([seen(directions), roots * directions])
 
 
 @dataclass(frozen=True)
@@ -105,8 +137,9 @@ class DatumSolver:
         offset: Gives x - x0, how far the unknowns (n,) are now from their reference.
         beyond: the datum itself, where some of its unknowns are not in the matrix; `chosen` then makes no
             more than the solutions of the matrix definite.
-        loose: (n, k) what the datum's unknowns do along directions that the matrix determines in appearance
-            only; the others follow as the matrix says.
+        weak: Gives (n, q) what the datum's unknowns do now along directions that are weakly determined.
+        n_held: How many of these, the first ones, are held whatever the matrix makes of them.
+        seen: What equations see of directions, where they are what makes the matrix.
     """
 
     def __init__(
@@ -115,29 +148,43 @@ class DatumSolver:
         chosen: BoolArray,
         offset: Callable[[], FloatArray],
         beyond: Beyond | None = None,
-        loose: FloatArray | None = None,
+        weak: Callable[[], FloatArray] | None = None,
+        n_held: int = 0,
+        seen: Seen | None = None,
     ) -> None:
-        self._loose = np.zeros((len(chosen), 0)) if loose is None else loose
+        self._weak = weak or partial(np.zeros, (len(chosen), 0))
+        self._n_held = n_held
+        self._seen = seen
         self._beyond = beyond
         self._solver = solver
         self._chosen = chosen
         self._offset = offset
         self._held: IntArray | None = None
         self._is_factored = False
-        self._kernel = np.zeros((len(chosen), 0))
-        self._to_kernel = np.zeros((0, len(chosen)))
+        self._datum = np.zeros((len(chosen), 0))
         self._border: Border | None = None
         self._pattern: SymmetricPattern | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_seen": None}  # equations belong to who factors, not to who solves
 
     @property
     def name(self) -> str:
         """Name of the solver behind."""
         return self._solver.name
 
-    @property
-    def behind(self) -> Solver:
-        """The solver of regular systems: of damped ones, which need no datum."""
-        return self._solver
+    def of_damped(self, damping: FloatArray) -> Solver:
+        """The solver of matrices with a damping (n,), which need no datum for what is free.
+
+        Motions that are held are held still, wherever they have led.
+        """
+        if not self._n_held:
+            return self._solver
+        still, seen = partial(np.zeros, len(self._chosen)), self._seen
+        added = None if seen is None else partial(_seen_damped, seen, np.sqrt(damping)[:, None])
+        damped = DatumSolver(self._solver, self._chosen, still, None, self._weak, self._n_held, added)
+        damped._pattern = self._pattern
+        return damped
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -147,7 +194,7 @@ class DatumSolver:
     @property
     def dimension(self) -> int:
         """Number of datum parameters that the observations leave free."""
-        return self._kernel.shape[1]
+        return self._datum.shape[1]
 
     @property
     def is_factored(self) -> bool:
@@ -171,140 +218,89 @@ class DatumSolver:
             SingularMatrixError: The defect has grown since the first factorisation.
         """
         self._is_factored = False
+        weak = self._weak()
+        loose = weak[:, : self._n_held]
+        _fixed(loose)
         if self._held is None:
-            self._find_held(values)
+            self._hold(values, weak)
         else:
             self._solver.factor(self._regularised(values))
-        self._kernel = self._kernel_of(values)
-        seen = self._kernel[self._chosen]
-        self._to_kernel = np.zeros((self.dimension, len(self._chosen)))
-        self._to_kernel[:, self._chosen] = np.linalg.solve(_fixed(seen), seen.T)
-        self._border = self._border_of(values)
+        kernel = np.where(self._chosen[:, None], self._kernel_of(values, weak.shape[1]), 0.0)
+        _fixed(kernel)
+        self._datum, pulls = np.hstack([loose, kernel]), self._pulls(values)
+        self._border = Border.of(self._solver, pulls, self._datum, self._seen) if pulls.size else None
         self._is_factored = True
-
-    def _border_of(self, values: FloatArray) -> Border | None:
-        """What loose motions add; None where all of the kernel is free, to rounding."""
-        kernel = self._kernel
-        pull = self._pattern_analysed.product(values, kernel) if self.dimension else kernel
-        weights = np.maximum(values[self._pattern_analysed.diagonal], 0.0)
-        if not (np.abs(kernel * pull).sum(axis=0) > VANISHING * (weights @ np.square(kernel))).any():
-            return None
-        chosen = np.where(self._chosen[:, None], kernel, 0.0)
-        through = self._solver.solve(chosen)
-        first, inner = self._apart(through), np.linalg.inv(chosen.T @ through)
-        held = np.zeros_like(kernel)
-        held[self._held_unknowns, np.arange(self.dimension)] = np.sqrt(self._weights(values))
-        last = self._projected(held) - first @ (inner @ (first.T @ held))
-        core = np.zeros((2 * self.dimension, 2 * self.dimension))
-        core[: self.dimension, : self.dimension] = -inner
-        core[self.dimension :, self.dimension :] = np.linalg.inv(np.eye(self.dimension) - held.T @ last)
-        return Border(np.hstack([first, last]), (core + core.T) / 2.0, pull)
-
-    def _apart(self, solved: FloatArray) -> FloatArray:
-        """S times solutions (n,) or (n, k)."""
-        return np.asarray(solved - self._kernel @ (self._to_kernel @ solved))
-
-    def _projected(self, right: FloatArray) -> FloatArray:
-        """S M^-1 S' times right-hand sides (n,) or (n, k)."""
-        return self._apart(self._solver.solve(right - self._to_kernel.T @ (self._kernel.T @ right)))
 
     def solve(self, rhs: ArrayLike) -> FloatArray:
         """Q times one right-hand side (n,) or several (n, k)."""
         right = np.asarray(rhs, dtype=np.float64)
-        solved = self._projected(right)
+        solved = self._solver.solve(right)
         return solved if self._border is None else solved + self._border.times(right)
 
     def settle(self, step: FloatArray) -> FloatArray:
         """The step (n,) that ends on the datum; what observations see of the difference is made good."""
-        if self._beyond is not None and self.dimension:
-            return np.asarray(step - self._kernel @ self._beyond.shift(step, self._kernel))
-        shift = self._to_kernel @ (step + self._offset())
-        settled = np.asarray(step - self._kernel @ shift)
-        return settled if self._border is None else settled + self.solve(self._border.pull @ shift)
+        if self._border is None:
+            return step
+        if self._beyond is not None:
+            kernel = self.null_vectors()
+            return np.asarray(step - kernel @ self._beyond.shift(step, kernel))
+        return np.asarray(step - self._border.motions @ (self._datum.T @ (step + self._offset())))
+
+    def inverse_parts(self) -> InverseParts:
+        """Q on the pattern: that of M, and what makes it that of N on the datum."""
+        regular, border = self._solver.inverse_parts(), self._border
+        return regular if border is None else InverseParts(regular.values, border.vectors, border.core)
 
     def selected_inverse(self) -> FloatArray:
-        """(nnz,) entries of S M^-1 S' on the pattern: Q - G A' - A G' + G C G', A = M^-1 H', C = H A."""
-        if self._pattern is None:
-            raise InputError("call analyse(pattern) first")
-        entries = self._solver.selected_inverse()
-        before = entries[self._pattern.diagonal]
-        across = self._solver.solve(np.ascontiguousarray(self._to_kernel.T))
-        within = self._to_kernel @ across
-        rows, columns = self._pattern.indices, self._pattern.columns()
-        half = across - 0.5 * self._kernel @ within
-        for kernel, shift in zip(self._kernel.T, half.T, strict=True):
-            entries -= kernel[rows] * shift[columns] + shift[rows] * kernel[columns]
-        if self._border is not None:
-            vectors = self._border.vectors
-            for one, share in zip(vectors.T, (vectors @ self._border.core).T, strict=True):
-                entries += one[rows] * share[columns]
-        is_none = ~(entries[self._pattern.diagonal] > ROUNDING * before)
-        entries[is_none[rows] | is_none[columns]] = 0.0
-        return entries
+        """(nnz,) entries of Q on the pattern."""
+        return self.inverse_parts().whole(self._pattern_analysed)
 
     def defect(self) -> Defect:
         """Empty after a successful factorisation: the datum takes the defect away."""
         return self._solver.defect()
 
+    @property
+    def motions(self) -> FloatArray:
+        """(n, k) what the matrix resists least, of what changes the datum by 1 along one direction alone."""
+        return self._datum if self._border is None else self._border.motions
+
     def null_vectors(self) -> FloatArray:
-        """(n, k) orthonormal basis of the kernel that the datum takes away."""
-        return self._kernel
+        """(n, k) orthonormal basis of what the datum takes away."""
+        return np.linalg.qr(self.motions)[0]
 
-    def _find_held(self, values: FloatArray) -> None:
-        """Factors with as many unknowns held as the kernel has dimensions, loose directions included.
-
-        Raises:
-            InputError: A direction is not loose: holding what moves most along it does not show it.
-        """
-        self._hold(values, np.zeros(0, np.int64))
-        for number, loose in enumerate(self._loose.T):
-            while not self._is_free(values, loose):
-                weakest = self._weakest(values, loose)
-                if weakest in self._held_unknowns:
-                    raise InputError(
-                        f"direction {number} of the datum, said to be loose, is determined by the "
-                        "observations: check approximate coordinates and units"
-                    )
-                self._hold(values, np.union1d(self._held_unknowns, weakest))
-
-    def _hold(self, values: FloatArray, held: IntArray) -> None:
-        """Factors with these unknowns held, and as many more as the kernel still has dimensions.
+    def _hold(self, values: FloatArray, weak: FloatArray) -> None:
+        """Factors with as many unknowns held as directions are weak, and as many more as a kernel is left.
 
         Where the matrix has weak directions too, rounding hides a part of its kernel until the rest is held.
-        Of all unknowns those are held that tell the vectors of the kernel best apart: what has little part in
-        them would leave pivots that are made of rounding.
+        Of all unknowns those are held that tell weak directions, or vectors of the kernel, best apart: what
+        has little part in them would leave pivots that are made of rounding.
         """
+        first = self._apart(values, weak)
+        held: IntArray = np.zeros(0, dtype=np.int64)
         while True:
-            self._held = held
+            self._held = np.concatenate([first, held])
             try:
                 self._solver.factor(self._regularised(values))
             except SingularMatrixError as error:
-                held = np.union1d(held, self._telling(values, error.indices))
-                if len(held) == len(self._held):
+                more = np.setdiff1d(self._telling(values, error.indices), self._held)
+                if not more.size:
                     self._held = None
                     raise
+                held = np.union1d(held, more)
             else:
                 return
 
-    def _is_free(self, values: FloatArray, loose: FloatArray) -> bool:
-        """Whether the kernel found so far contains a direction, as far as the datum's unknowns see it."""
-        seen, rows = loose != 0.0, self._kernel_of(values)
-        rest = loose[seen] - rows[seen] @ np.linalg.lstsq(rows[seen], loose[seen], rcond=ALIKE)[0]
-        return bool(np.linalg.norm(rest) <= NEW * np.linalg.norm(loose))
-
-    def _weakest(self, values: FloatArray, loose: FloatArray) -> int:
-        """The unknown that moves most, in the measure of the matrix, along what is loose."""
-        weights = values[self._pattern_analysed.diagonal]
-        moved = self._solver.solve(weights * loose)
-        return int(np.argmax(np.sqrt(np.maximum(weights, 0.0)) * np.abs(moved)))
+    def _apart(self, values: FloatArray, vectors: FloatArray) -> IntArray:
+        """As many unknowns as there are vectors (n, k): those that tell them best apart."""
+        scale = np.sqrt(replacement_pivots(values[self._pattern_analysed.diagonal]))
+        return leading_rows(scale[:, None] * vectors, vectors.shape[1])
 
     def _telling(self, values: FloatArray, lost: IntArray) -> IntArray:
         """The unknowns that tell the vectors of the kernel best apart; those lost, if they are too many."""
         if len(lost) > LARGEST_EXAMINED:
             return lost
         vectors = self._solver.null_vectors()
-        scaled = np.sqrt(replacement_pivots(values[self._pattern_analysed.diagonal]))[:, None] * vectors
-        return leading_rows(scaled, len(lost)) if vectors.shape[1] == len(lost) else lost
+        return self._apart(values, vectors) if vectors.shape[1] == len(lost) else lost
 
     def _regularised(self, values: FloatArray) -> FloatArray:
         """The matrix with the diagonal entries of the held unknowns doubled."""
@@ -329,15 +325,22 @@ class DatumSolver:
     def _held_unknowns(self) -> IntArray:
         return np.zeros(0, np.int64) if self._held is None else self._held
 
-    def _kernel_of(self, values: FloatArray) -> FloatArray:
-        """(n, k) orthonormal kernel of N, from M = N + E W E': N z = 0 means z = M^-1 E (W E' z)."""
-        vectors = np.zeros((len(self._chosen), len(self._held_unknowns)))
-        start = np.eye(vectors.shape[1])
-        for _ in range(2 if vectors.size else 0):
-            right = np.zeros_like(vectors)
-            right[self._held] = self._weights(values)[:, None] * start
-            vectors = np.linalg.qr(self._solver.solve(right))[0]
-            start = vectors[self._held]
+    def _pulls(self, values: FloatArray) -> FloatArray:
+        """(n, k) what the regular matrix has besides, a factor V of V V'."""
+        pulls = np.zeros((len(self._chosen), len(self._held_unknowns)))
+        pulls[self._held_unknowns, np.arange(pulls.shape[1])] = np.sqrt(self._weights(values))
+        return pulls
+
+    def _kernel_of(self, values: FloatArray, weak: int) -> FloatArray:
+        """(n, k) orthonormal kernel of N and what holds weak directions, the first unknowns that are held.
+
+        M is this N + V V', so that N z = 0 means z = M^-1 V V' z.
+        """
+        pulls = self._pulls(values)[:, weak:]
+        start, vectors = np.eye(pulls.shape[1]), pulls
+        for _ in range(2 if pulls.size else 0):
+            vectors = np.linalg.qr(self._solver.solve(pulls @ start))[0]
+            start = pulls.T @ vectors
         return vectors
 
 
@@ -348,7 +351,8 @@ def _fixed(seen: FloatArray) -> FloatArray:
         InputError: it is not enough to fix the datum.
     """
     fixed = seen.T @ seen
-    if fixed.size and np.linalg.eigvalsh(fixed)[0] < WEAKEST_DATUM:
+    lengths = np.linalg.eigvalsh(fixed) if fixed.size else np.ones(1)
+    if lengths[0] < WEAKEST_DATUM * max(lengths[-1], 1.0):
         raise InputError(
             f"the chosen datum does not fix the {len(fixed)} free parameters of the network: choose "
             "more points, not all on one line or in one plane"

@@ -50,6 +50,9 @@ EXCURSION = 3
 STEEPEST = 1e3
 """Rise of the cost, as a factor, at which an excursion turns back."""
 
+NEARBY = 0.3
+"""Share of the cost that a full step promises, below which a rise is the bend of weak directions."""
+
 LANDING = 2
 """Steps that a leap may take back to the bottom of the valley."""
 
@@ -321,18 +324,23 @@ class _Search:
             self._radius = trial.norm
 
     def _takes_chance(self, trial: Trial, cost: float, after: float) -> bool:
-        """An excursion where a full step was refused, a few times; the unknowns are at their start."""
-        if self._path.is_bold or not trial.is_full or self._chances == 0 or after > STEEPEST * cost:
+        """An excursion where a full step was refused, a few times; the unknowns are at their start.
+
+        Bold ones make it near the minimum only, for half of what the step promises.
+        """
+        if not trial.is_full or self._chances == 0 or after > STEEPEST * cost:
+            return False
+        if self._path.is_bold and trial.promised > NEARBY * cost:
             return False
         self._chances -= 1
-        return self._excursion(trial, after)
+        return self._excursion(trial, after, cost - 0.5 * trial.promised if self._path.is_bold else 0.0)
 
-    def _excursion(self, trial: Trial, known: float | None = None) -> bool:
+    def _excursion(self, trial: Trial, known: float | None = None, enough: float = 0.0) -> bool:
         """A few full steps whatever the cost (Chamberlain's watchdog): along a bent valley they may lead on.
 
         The unknowns have moved to a cost well below, or are where they were, linearised anew.
         """
-        enough = WORTHWHILE * trial.linearisation.cost
+        enough = max(enough, WORTHWHILE * trial.linearisation.cost)
         if self._restrained:
             enough = max(enough, trial.linearisation.cost - AHEAD * self._decrease)
         self._restrained = 0

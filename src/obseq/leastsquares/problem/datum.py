@@ -2,39 +2,74 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import listed, truths
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
-class Datum(NamedTuple):
+Motions: TypeAlias = "Callable[[FloatArray], FloatArray]"
+"""Values (n, size) of blocks -> (n, size, k) what they do along directions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Datum:
     """What a free network is fixed by.
 
     Attributes:
         scalars: positions of the unknowns whose changes are least; none without a datum.
         reference: their values when it was set.
-        loose: (n, k) movements of these unknowns whose weak determination does not count: they are free.
+        blocks: (n, size) positions of the unknowns of the blocks that have motions.
+        motions: What these blocks do along directions that the equations determine weakly; None for none.
+        n_held: How many of these, the first ones, are held as if they were free.
     """
 
     scalars: IntArray
     reference: FloatArray
-    loose: FloatArray
+    blocks: IntArray
+    motions: Motions | None = None
+    n_held: int = 0
+
+    def weak(self, values: FloatArray) -> FloatArray:
+        """(n, k) what the unknowns of the datum do along these directions, where all have these values.
+
+        Raises:
+            InputError: the motions are not of these blocks.
+        """
+        if self.motions is None:
+            return np.zeros((len(self.scalars), 0))
+        moves = np.asarray(self.motions(values[self.blocks]), dtype=np.float64)
+        if moves.ndim != 3 or moves.shape[:2] != self.blocks.shape:
+            raise InputError(
+                f"datum: motions of shape {moves.shape} for unknowns of shape {self.blocks.shape}"
+            )
+        found = np.zeros((len(values), moves.shape[2]))
+        found[self.blocks] = moves
+        return np.asarray(found[self.scalars])
 
 
-NO_DATUM = Datum(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 0)))
+_NONE: IntArray = np.zeros(0, dtype=np.int64)
+NO_DATUM = Datum(_NONE, np.zeros(0), _NONE)
 
 
 def datum_of(
-    table: UnknownTable, ids: ArrayLike, components: object, loose: ArrayLike | None = None
+    table: UnknownTable,
+    ids: ArrayLike,
+    components: object,
+    motions: Motions | None = None,
+    n_held: int | None = None,
 ) -> Datum:
     """The datum of blocks, at their present values; arguments as of `Problem.set_datum`.
 
@@ -47,20 +82,10 @@ def datum_of(
     if not blocks.size:
         return NO_DATUM
     chosen = np.unique(_scalars(table, blocks, components))
-    return Datum(chosen, table.values[chosen], _movements(table, blocks, loose)[chosen])
-
-
-def _movements(table: UnknownTable, blocks: IntArray, loose: ArrayLike | None) -> FloatArray:
-    """(n_scalars, k) movements (n, size, k) of blocks, for all unknowns."""
-    if loose is None:
-        return np.zeros((table.n_scalars, 0))
-    moves = np.asarray(loose, dtype=np.float64)
-    scalars = table.scalars(blocks, "datum")
-    if moves.ndim != 3 or moves.shape[:2] != scalars.shape:
-        raise InputError(f"datum: movements of shape {moves.shape} for unknowns of shape {scalars.shape}")
-    found = np.zeros((table.n_scalars, moves.shape[2]))
-    found[scalars] = moves
-    return found
+    moving = table.scalars(blocks, "datum") if motions else _NONE
+    found = Datum(chosen, table.values[chosen], moving, motions)
+    weak = found.weak(table.values)
+    return replace(found, n_held=weak.shape[1] if n_held is None else n_held)
 
 
 def _scalars(table: UnknownTable, blocks: IntArray, components: object) -> IntArray:

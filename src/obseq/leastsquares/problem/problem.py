@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares.problem.batches import Labels
     from obseq.leastsquares.problem.clusters import Covariance
+    from obseq.leastsquares.problem.datum import Motions
     from obseq.leastsquares.problem.losses import Loss
 
 
@@ -251,7 +252,8 @@ class Problem:
         self,
         ids: ArrayLike,
         components: Sequence[str | int] | Sequence[Sequence[str | int]] | BoolArray | None = None,
-        loose: ArrayLike | None = None,
+        motions: Motions | None = None,
+        n_held: int | None = None,
     ) -> None:
         """Puts a free network on a datum: the changes of these unknowns from their present values are least.
 
@@ -262,14 +264,17 @@ class Problem:
             ids: (n,) blocks of points, vectors or scalars; none for no datum. They may be eliminated ones.
             components: numbers or names of the components that count, for all blocks, or a list of them for
                 each; or (n, k) True for those that count; all when None.
-            loose: (n, size, k) movements of these blocks that are determined in appearance only: each of them
-                stands for one more free parameter (the turn about the vertical, where nothing but the
-                curvature of the Earth orients a network). Not for eliminated blocks.
+            motions: Values (n, size) of these blocks -> (n, size, k) what they do, about one unit far, along
+                directions that the observations determine weakly or not at all. Not for eliminated blocks.
+            n_held: How many of the directions, the first ones, are held whatever the observations say of
+                them, and count as free parameters (the turn about the vertical, where nothing but the
+                curvature of the Earth orients a network); all when None. Those that are free are among
+                them. The others are determined, and need no more than the digits that they have.
 
         Raises:
             InputError: a rotation or a direction is among them, or movements do not fit.
         """
-        datum = datum_of(self.unknowns, ids, components, loose)
+        datum = datum_of(self.unknowns, ids, components, motions, n_held)
         self.unknowns.owner.check()
         self.datum = datum
 

@@ -25,7 +25,8 @@ class Cofactors:
         self._free = free
         self.pattern = pattern
         self._solver = solver
-        self.values = solver.selected_inverse()
+        self.parts = solver.inverse_parts()
+        self.values = self.parts.whole(pattern)
 
     def blocks(self, ids: ArrayLike) -> FloatArray:
         """(n, k, k) cofactors of blocks that are alike."""

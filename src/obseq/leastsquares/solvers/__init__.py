@@ -3,6 +3,7 @@
 from obseq.errors import SingularMatrixError, SolverStateError, SolverUnavailableError
 from obseq.leastsquares.solvers.protocol import (
     Defect,
+    InverseParts,
     Solver,
     SolverStatistics,
     SymmetricPattern,
@@ -12,6 +13,7 @@ from obseq.leastsquares.solvers.selection import SOLVER_NAMES, checked_solver, c
 __all__ = [
     "SOLVER_NAMES",
     "Defect",
+    "InverseParts",
     "SingularMatrixError",
     "Solver",
     "SolverStateError",

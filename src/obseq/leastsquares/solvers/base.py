@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from obseq.errors import InputError, SingularMatrixError, SolverStateError
-from obseq.leastsquares.solvers.protocol import Defect
+from obseq.leastsquares.solvers.protocol import Defect, InverseParts
 from obseq.leastsquares.solvers.rank import (
     CLEAR,
     LARGEST_EXAMINED,
@@ -128,6 +128,10 @@ class BaseSolver(ABC):
         """(nnz,) entries of the inverse at the entries of the pattern, in its order."""
         self._require_regular()
         return self._selected_inverse() if self.pattern.n else np.empty(0)
+
+    def inverse_parts(self) -> InverseParts:
+        """The same, all of it in one part."""
+        return InverseParts(self.selected_inverse(), np.zeros((self.pattern.n, 0)), np.zeros((0, 0)))
 
     def defect(self) -> Defect:
         """Where pivots vanished in the last factorisation; empty for a regular matrix."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
 
+
+ROUNDING = 1e-14
+"""Share of a variance that is left as rounding where the other part of an inverse takes it away."""
 
 MANY = 5_000
 """Entries of a matrix from which on SciPy's products are worth what it takes to ask for them."""
@@ -162,6 +165,31 @@ class SolverStatistics:
     memory: int
 
 
+class InverseParts(NamedTuple):
+    """The inverse of a matrix as the sum of one on its pattern, which is well conditioned, and U K U'.
+
+    Attributes:
+        values: (nnz,) entries of the first part, in the order of the pattern.
+        vectors: (n, p) U; p = 0 for a matrix that is well conditioned itself.
+        core: (p, p) K.
+    """
+
+    values: FloatArray
+    vectors: FloatArray
+    core: FloatArray
+
+    def whole(self, pattern: SymmetricPattern) -> FloatArray:
+        """(nnz,) entries of the sum on the pattern; none of what a datum alone determines."""
+        if not self.core.size:
+            return self.values
+        entries, rows, columns = self.values.copy(), pattern.indices, pattern.columns()
+        for one, share in zip(self.vectors.T, (self.vectors @ self.core).T, strict=True):
+            entries += one[rows] * share[columns]
+        is_none = ~(entries[pattern.diagonal] > ROUNDING * self.values[pattern.diagonal])
+        entries[is_none[rows] | is_none[columns]] = 0.0
+        return entries
+
+
 class Solver(Protocol):
     """Factors positive definite matrices of one pattern: `analyse` once, `factor` as often as wanted.
 
@@ -198,6 +226,9 @@ class Solver(Protocol):
 
     def selected_inverse(self) -> FloatArray:
         """(nnz,) entries of the inverse at the entries of the pattern, in its order."""
+
+    def inverse_parts(self) -> InverseParts:
+        """The same in two parts: what is weakly determined is apart, and keeps its digits in products."""
 
     def defect(self) -> Defect:
         """Where pivots vanished in the last factorisation; empty for a regular matrix."""

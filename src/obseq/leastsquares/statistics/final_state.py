@@ -91,7 +91,18 @@ class FinalState:
             starts = np.ascontiguousarray(batch.starts[:, chosen])
             rows = EquationRows(self._derivatives(batch, chosen), weights, starts, roles)
             leverages(rows, inverse, crossed, results[chosen], block, row)
+            if self.cofactors.parts.core.size:
+                results[chosen] += self._weak_leverages(rows, batch.scalars()[:, chosen], crossed)
         return results.reshape(batch.n, k, k) if crossed else results
+
+    def _weak_leverages(self, rows: EquationRows, scalars: IntArray, crossed: bool) -> FloatArray:
+        """(n, n_residuals) a U K U' a', of the second part of Q; (n, n_residuals^2) when `crossed`."""
+        parts, (m, n) = self.cofactors.parts, rows.weights.shape
+        vectors = np.vstack([parts.vectors, np.zeros(parts.vectors.shape[1])])  # the last: what is frozen
+        derivatives = rows.derivatives.reshape(m, -1, n) * rows.weights[:, None]
+        moved = np.einsum("mun,unk->nmk", derivatives, vectors[self.equations.free.number[scalars]])
+        crossing = moved @ parts.core @ moved.swapaxes(1, 2)
+        return np.asarray(crossing.reshape(n, m * m) if crossed else np.diagonal(crossing, axis1=1, axis2=2))
 
     def weighing(self, batch: Batch) -> Weighing:
         """The sigmas, and what else its residuals were weighed by."""
@@ -110,10 +121,11 @@ class FinalState:
         return np.ascontiguousarray(given.whitened(rows, index).transpose(2, 0, 1))
 
     def _inverse(self) -> SparseInverse:
-        """Q as loops read it."""
+        """The first part of Q as loops read it."""
         pattern = self.equations.pattern
         indices = pattern.indices.astype(np.int32, copy=False)
-        return SparseInverse(self.equations.free.number, self.cofactors.values, pattern.indptr, indices)
+        values = self.cofactors.parts.values
+        return SparseInverse(self.equations.free.number, values, pattern.indptr, indices)
 
     def cluster_rows(self, batch: Batch) -> csr_array:
         """(n n_residuals, n_free) whitened rows of observations of clusters, or not correlated at all."""
@@ -122,20 +134,23 @@ class FinalState:
 
     def _cluster_leverages(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) a Q a' of the whitened rows, whose unknowns are all joined in the pattern."""
-        rows = self.cluster_rows(batch)
-        inverse = self.equations.pattern.matrix(self.cofactors.values)
-        products = (rows @ inverse).multiply(rows).sum(axis=1)
-        return np.asarray(products).reshape(batch.n, -1)
+        rows, parts = self.cluster_rows(batch), self.cofactors.parts
+        products = (rows @ self.equations.pattern.matrix(parts.values)).multiply(rows).sum(axis=1)
+        moved = rows @ parts.vectors
+        weak = (moved @ parts.core * moved).sum(axis=1)
+        return np.asarray(np.asarray(products).ravel() + weak).reshape(batch.n, -1)
 
     def cluster_cofactors(self, rows: csr_array, members: IntArray) -> FloatArray:
         """(k, m, m) products A Q A' of whitened rows, for the rows (k, m) of clusters of one size.
 
         The unknowns of one cluster are all joined in the pattern.
         """
-        pattern, count = self.equations.pattern, members.shape[1]
+        pattern, count, parts = self.equations.pattern, members.shape[1], self.cofactors.parts
+        moved = (rows @ parts.vectors)[members]
+        weak = moved @ parts.core @ moved.swapaxes(1, 2)
         if are_few(rows):
             dense = rows.toarray()[members]
-            return np.asarray(dense @ pattern.dense(self.cofactors.values) @ dense.swapaxes(1, 2))
+            return np.asarray(weak + dense @ pattern.dense(parts.values) @ dense.swapaxes(1, 2))
         keys = pattern.columns() * pattern.n + pattern.indices
         result = np.empty((len(members), count, count))
         for k, cluster in enumerate(members):
@@ -146,7 +161,7 @@ class FinalState:
                 line[np.searchsorted(columns, rows.indices[part])] = rows.data[part]
             low = np.minimum.outer(columns, columns).astype(np.int64)
             places = np.searchsorted(keys, low * pattern.n + np.maximum.outer(columns, columns))
-            result[k] = dense @ self.cofactors.values[places] @ dense.T
+            result[k] = weak[k] + dense @ parts.values[places] @ dense.T
         return result
 
     def prior_leverages(self, prior: Prior) -> FloatArray:

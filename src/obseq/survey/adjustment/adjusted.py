@@ -41,12 +41,14 @@ from obseq.survey.adjustment.adjusted_records import (
 )
 from obseq.survey.adjustment.joint_groups import joint_records
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
+from obseq.survey.adjustment.point_covariances import covariance_of
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
@@ -255,7 +257,7 @@ class Adjustment:
         return [found if known else None for found, known in zip(roots, is_known, strict=True)]
 
     def _ellipsoids(self) -> Sequence[EllipsoidRecord | None]:
-        if not self.quality.ellipsoids:
+        if not self.quality.ellipsoids or self.solution.weak is not None:
             return [None] * len(self.points.names)
         redundancy = None if self.quality.a_priori else self.solution.redundancy
         return ellipsoids(self.points.covariances, confidence_factor(self.quality.ellipses, 3, redundancy))
@@ -286,6 +288,55 @@ class Adjustment:
             raise InputError(f"the record has no table {name!r}; it has points, observations, stations...")
         columns = columns_of(found)
         return columns if package is None else as_table(columns, package)
+
+    def covariance(self, *names: str) -> FloatArray:
+        """(3 k, 3 k) covariance of points together, in the computation frame, m^2; of all when none is named.
+
+        Raises:
+            InputError: A point is not in the network.
+        """
+        return covariance_of(self.solution, self.points.names, names, self.quality.a_priori)
+
+    def ellipse(self, name: str, level: float | None = 0.95) -> EllipseRecord:
+        """The error ellipse of a point in x and y.
+
+        Args:
+            name: Of the point.
+            level: Probability that the true point is inside; None for the standard ellipse.
+
+        Raises:
+            InputError: The point is not in the network, or the level is no probability.
+        """
+        redundancy = None if self.quality.a_priori else self.solution.redundancy
+        block = self.covariance(name)[None]
+        return next(iter(ellipse_records(ellipses_of((name,), block, level, redundancy))))
+
+    def plot(self, level: float | None = 0.95, residuals: bool = False, axes: Any = None) -> Any:
+        """Draws the plan with matplotlib: points, sights, error ellipses; gives the axes.
+
+        Args:
+            level: Of the ellipses.
+            residuals: Colours the sights by their residuals over their sigmas.
+            axes: Where to draw; by default a figure of its own.
+
+        Raises:
+            MissingPackageError: matplotlib is not installed.
+        """
+        from obseq.survey.adjustment.plotting import plan
+
+        redundancy = None if self.quality.a_priori else self.solution.redundancy
+        normalised = self.normalised_residuals if residuals else None
+        return plan(self.points, self.book, normalised, (level, redundancy), axes)
+
+    def save(self, path: str | Path) -> None:
+        """Writes the result: `.json` (read again by `obseq.load`), `.html` or `.txt`, by the suffix.
+
+        Raises:
+            InputError: The suffix is another, or the file cannot be written.
+        """
+        from obseq.report.saving import save
+
+        save(self.record(), path)
 
     def __repr__(self) -> str:
         from obseq.report.notebook import adjustment_text

@@ -22,6 +22,8 @@ COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") f
 """Fields of a point record, in the order in which they are filled."""
 ROWS, COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
 """Of the upper triangle of a covariance."""
+IN_PLAN = [0, 1, 3]
+"""Those of x and y."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class AdjustedPoints:
         rows = np.hstack(numbers)
         invented = self.points.is_invented
         upper[invented[:, ROWS] | invented[:, COLUMNS]] = np.nan
-        is_planless: list[bool] = np.asarray(invented[:, :2].any(axis=1)).tolist()
+        is_planless: list[bool] = np.asarray(np.isnan(upper[:, IN_PLAN]).any(axis=1)).tolist()
         for k, (name, ellipse) in enumerate(zip(self.names, ellipses, strict=True)):
             keys: dict[str, Any] = dict(zip(COORDINATES, _known(rows[k]), strict=True))
             keys |= {"covariance": tuple(_known(upper[k])), "ellipse": None if is_planless[k] else ellipse}

@@ -11,7 +11,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.errors import SingularSystemError
+from obseq.errors import ObseqError, SingularSystemError
 from obseq.records.adjustment import new_run
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
@@ -21,7 +21,7 @@ from obseq.survey.adjustment.doubtful import doubtful_points
 from obseq.survey.adjustment.held_heights import held_heights_note
 from obseq.survey.adjustment.inner import inner_covariances
 from obseq.survey.adjustment.loose_motions import UNDETERMINED, loose_error, size_of
-from obseq.survey.adjustment.loose_parts import singular_parts
+from obseq.survey.adjustment.loose_parts import points_of, singular_parts
 from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
 from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
@@ -31,8 +31,6 @@ from obseq.survey.initial.approximations import Replaced, nearest_sights
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from obseq import crs
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquaresResult
@@ -41,7 +39,6 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.adjustment.frame import Frame
     from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.initial.unplaced import Unplaced
     from obseq.survey.model import Points
 
 
@@ -143,11 +140,11 @@ class Computation:
         while True:
             equations = equations or self._equations(start)
             try:
-                return Computed(self._adjusted(start, equations), start, equations)
+                return Computed(self._adjusted(start, equations, strict=strict), start, equations)
             except SingularSystemError as found:
                 error = _with_loose_motions(equations, found)
                 undetermined = singular_parts(start, error)
-                if strict or self._was_determined(start, undetermined):
+                if strict or self._was_determined(start, error):
                     raise in_words(error) from error
                 start, equations = leave_out(start, undetermined), None
 
@@ -179,28 +176,34 @@ class Computation:
         with self.watch.phase("equations"):
             return equations_of(self.frame, self.point_system, start)
 
-    def _was_determined(self, start: Determined, undetermined: Sequence[Unplaced]) -> bool:
-        """Whether these were determined where the iterations started: then they have gone astray instead."""
-        equations = self._equations(start)
+    def _was_determined(self, start: Determined, error: ObseqError) -> bool:
+        """Whether what an error names was determined where the iterations started: they have gone astray."""
+        if not isinstance(error, SingularSystemError):
+            return True
+        equations, lost = self._equations(start), points_of(error)
+        if loose_error(equations.system, equations.points) is not None:
+            return False
         try:
             solution = equations.system.solve(max_iterations=0, covariance=True)
         except SingularSystemError:
             return False
-        rows = np.array([item.point for item in undetermined if item.station is None], np.intp)
+        rows = np.array([row for row, name in enumerate(start.points.names) if name in lost], np.intp)
         covariances = _covariances(solution, equations.points[rows], a_priori=True)
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
-    def _adjusted(self, start: Determined, equations: Equations) -> Adjustment:
+    def _adjusted(self, start: Determined, equations: Equations, *, strict: bool) -> Adjustment:
         """Adjusts what is determined."""
         with self.watch.phase("iterations and covariances"):
             found = examine(equations, start.book, self.quality, self._solving(equations))
-        _refuse_loose_motions(start, equations, found.solution)
-        if not found.solution.converged:
-            _require_determined(start, equations, found.solution)
+        weak = _weak(start, equations, found.solution)
+        if weak is not None:
+            if strict or not self._was_determined(start, weak):
+                raise weak
+            found = Examination(found.wanted, replace(found.solution, weak=weak))
         with self.watch.phase("results"):
             adjustment = self._adjustment(start, equations, found)
-            adjustment = adjustment.doubting(_doubtful(start, adjustment))
+            adjustment = adjustment.doubting(_doubtful(start, adjustment)).failing(_withheld(weak))
         if self.quality.inner:
             with self.watch.phase("inner constraints"):
                 adjustment = self._with_inner(adjustment, start, equations)
@@ -280,16 +283,25 @@ def _doubtful(start: Determined, adjustment: Adjustment) -> tuple[Doubtful, ...]
     return tuple(doubtful_points(start.book, start.points.names, coordinates, rows, sigmas))
 
 
-def _refuse_loose_motions(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:
-    """Raises the error of a singular system where only the curvature of the Earth says where points are."""
+def _weak(start: Determined, equations: Equations, solution: LeastSquaresResult) -> ObseqError | None:
+    """What is hardly determined at a solution, and precisions would say so of: its error."""
+    if solution.weak is not None:
+        return solution.weak
+    loose = _loose_motions(start, equations, solution)
+    return loose if loose is not None or solution.converged else _lost_points(start, equations, solution)
+
+
+def _loose_motions(
+    start: Determined, equations: Equations, solution: LeastSquaresResult
+) -> SingularSystemError | None:
+    """The error of a singular system where only the curvature of the Earth says where points are."""
     if start.points.in_datum.any() or not solution.n_unknowns:
-        return
+        return None
     covariances = _covariances(solution, equations.points, a_priori=True)
     precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
     if precisions.max() > UNDETERMINED * size_of(solution.values(equations.points)):
-        error = loose_error(equations.system, equations.points)
-        if error is not None:
-            raise error
+        return loose_error(equations.system, equations.points)
+    return None
 
 
 def _with_loose_motions(equations: Equations, error: SingularSystemError) -> SingularSystemError:
@@ -298,18 +310,29 @@ def _with_loose_motions(equations: Equations, error: SingularSystemError) -> Sin
     return error if loose is None or (loose.defect or 0) <= (error.defect or 0) else loose
 
 
-def _require_determined(start: Determined, equations: Equations, solution: LeastSquaresResult) -> None:
-    """Raises the error of a singular system for points less precise than their sights are long."""
+def _lost_points(
+    start: Determined, equations: Equations, solution: LeastSquaresResult
+) -> SingularSystemError | None:
+    """The error of a singular system for points less precise than their sights are long."""
     rows = np.flatnonzero(start.points.is_free.any(axis=1))
     covariances = _covariances(solution, equations.points[rows], a_priori=True)
     precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
     lost = rows[precisions > nearest_sights(start.book, solution.values(equations.points), rows)]
-    if lost.size:
-        names = [start.points.names[row] for row in lost]
-        raise SingularSystemError(
-            f"the observations leave {', '.join(names)} undetermined: the iterations find no end",
-            tuple(f"{name}.{axis}" for name in names for axis in "xyz"),
-        )
+    if not lost.size:
+        return None
+    names = [start.points.names[row] for row in lost]
+    return SingularSystemError(
+        f"the observations leave {', '.join(names)} undetermined: the iterations find no end",
+        tuple(f"{name}.{axis}" for name in names for axis in "xyz"),
+    )
+
+
+def _withheld(weak: ObseqError | None) -> tuple[str, ...]:
+    """Why a solution has no precisions."""
+    if weak is None:
+        return ()
+    told = in_words(weak) if isinstance(weak, SingularSystemError) else weak
+    return (f"precisions are withheld, the coordinates are those of the last iteration: {told}",)
 
 
 def _stations(start: Determined, rotations: FloatArray) -> AdjustedStations:
@@ -322,7 +345,7 @@ def _stations(start: Determined, rotations: FloatArray) -> AdjustedStations:
 
 
 def _covariances(solution: LeastSquaresResult, ids: IntArray, a_priori: bool) -> FloatArray:
-    """(n, 3, 3) covariances of points; 0 where all of them are held."""
-    if not solution.n_unknowns:
-        return np.zeros((len(ids), 3, 3))
+    """(n, 3, 3) covariances of points; 0 where all of them are held, NaN where they are withheld."""
+    if not solution.n_unknowns or solution.weak is not None:
+        return np.full((len(ids), 3, 3), 0.0 if solution.weak is None else np.nan)
     return solution.covariance(ids, a_priori)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from obseq.errors import ObseqError
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.initial.rivals import Choice
@@ -21,10 +23,12 @@ MOST_TRIALS = 16
 """Adjustments that are tried: for points with many observations first; others start at their first place."""
 ITERATIONS, LOOSE = 20, 0.1
 """Of a trial: places are told apart long before they are known to the last digit."""
-SAME = 1e-2
+SAME = 0.1
 """Share of the distance of the places within which two ends are one."""
 CLEAR = 9.0
-"""Difference of two sums of squares, over sigma0 squared if that is above 1, that decides: three sigmas."""
+"""Difference of two sums of squares, over the variance of most residuals if that is above 1, that decides."""
+OF_MEDIAN = 1.4826
+"""Standard deviation over the median of sizes, of normal errors: gross ones elsewhere do not count in it."""
 
 
 def decided(
@@ -63,21 +67,25 @@ def decided(
 
 
 class _Fit(NamedTuple):
-    """How an adjustment fits: sum of squares over the redundancy, this, and where the point is in the end."""
+    """How an adjustment fits: sum of squares, the same over the redundancy, the variance of most residuals.
 
+    The end is where it puts the point.
+    """
+
+    cost: float
     misfit: float
-    redundancy: int
+    variance: float
     end: Space
 
     def settles(self, other: _Fit, apart: float) -> bool:
         """Whether this is clearly better than another fit, or the other has come to the same place."""
         if math.isinf(other.misfit):
             return math.isfinite(self.misfit)
-        is_clear = (other.misfit - self.misfit) * self.redundancy > CLEAR * max(self.misfit, 1.0)
+        is_clear = other.cost - self.cost > CLEAR * max(self.variance, 1.0)
         return is_clear or math.dist(self.end, other.end) < SAME * apart
 
 
-_NONE = _Fit(math.inf, 0, (math.nan, math.nan, math.nan))
+_NONE = _Fit(math.inf, math.inf, 0.0, (math.nan, math.nan, math.nan))
 
 
 def _fit(
@@ -101,6 +109,7 @@ def _fit(
         return _NONE
     if name not in start.points.names:
         return _NONE
-    redundancy = max(solution.redundancy, 1)
+    residuals, sigmas = made.fitted(solution)
+    variance = (OF_MEDIAN * float(np.nanmedian(np.abs(residuals / sigmas)))) ** 2
     x, y, z = solution.values(made.points[[start.points.names.index(name)]])[0].tolist()
-    return _Fit(solution.cost / redundancy, redundancy, (x, y, z))
+    return _Fit(solution.cost, solution.cost / max(solution.redundancy, 1), variance, (x, y, z))

@@ -92,6 +92,7 @@ class Equations:
             self.shared,
         )
         self.shared.add(self._site, initial.coordinates)
+        self._carried_with = self.shared.corrections()
         self._families: list[tuple[Family, Batch]] = []
         self._joint: JointRows | None = None
         self.batches = self._add_observations(initial.coordinates)
@@ -133,8 +134,8 @@ class Equations:
         chosen[:, point_system.components] = points.in_datum & points.is_unknown
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
-            loose = loose_motions(self.system, self.points).points
-            self.system.set_datum(self.points[rows], chosen[rows], loose[rows])
+            loose = loose_motions(self.system, self.points)
+            self.system.set_datum(self.points[rows], chosen[rows], loose.of(rows), loose.count)
 
     def _add_observations(self, coordinates: FloatArray) -> dict[tuple[str, bool], tuple[IntArray, Batch]]:
         observations, batches = self._book.observations, {}
@@ -253,13 +254,15 @@ class Equations:
 
     def _renew(self) -> None:
         """Wherever the unknowns have moved: turns instruments with their verticals, renews what is given."""
-        coordinates = self.system.values(self.points)
+        coordinates, corrections = self.system.values(self.points), self.shared.corrections()
         self.known.follow(coordinates)
-        if not np.array_equal(coordinates, self._followed):
+        if not np.array_equal(coordinates, self._followed) or corrections != self._carried_with:
             self._followed = coordinates
             self.instruments.follow(self.system, coordinates)
             has_moved = bool((np.abs(coordinates - self._carried_at) > SAME_PLACE).any())
-            self._carried_at = coordinates if has_moved else self._carried_at
+            has_moved |= corrections != self._carried_with
+            if has_moved:
+                self._carried_at, self._carried_with = coordinates, corrections
             for family, batch in self._families:
                 if has_moved:
                     self._carry(family, batch, coordinates)

@@ -8,6 +8,7 @@ standard deviation is beyond a share of the size of the network. The rest is det
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,10 +17,13 @@ from obseq.dataclass import dataclass
 from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.leastsquares.diagnosis.singular import undetermined_error
+from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.solvers import choose_solver
 from obseq.survey.adjustment.frame import MEAN_RADIUS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares import LeastSquares
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
@@ -31,21 +35,33 @@ DIRECT = 1e-3
 """Share of what an equation sees of single points from which it sees a motion: less may be a misclosure."""
 ALIKE = 1e-10
 """Share, squared, of what sets a motion apart from others, below which it is none of its own."""
+SHORTEST_ARM = 1e-6
+"""Arm (m) below which a turn moves nothing but the rounding of coordinates: points on one vertical."""
 HELD = 1e12
-"""What the diagonal of the normal matrix is multiplied by to hold points."""
+"""What the largest of the diagonal of the normal matrix is multiplied by to hold points."""
 
 
 @dataclass(frozen=True, eq=False)
 class LooseMotions:
-    """Independent motions of a network.
+    """Independent motions of a network that equations see through curvature at most, of root mean square 1.
 
     Attributes:
-        points: (n_points, 3, k) of the points.
+        count: How many of them, the first ones, are free or loose; the others are determined.
         unknowns: (n_free, k) of the free unknowns of the normal equations.
+        parts: (n_points,) the part of each point, -1 where all of it is held.
+        middles: (n_points, 3) the middle of the part of each point.
+        shares: (7 n_parts, k) of what shifts, turns and changes of scale of each part they are made.
     """
 
-    points: FloatArray
+    count: int
     unknowns: FloatArray
+    parts: IntArray
+    middles: FloatArray
+    shares: FloatArray
+
+    def of(self, rows: IntArray) -> Callable[[FloatArray], FloatArray]:
+        """Coordinates (n, 3) of some points -> (n, 3, k) their motions."""
+        return partial(_moved_places, self.middles[rows], self.parts[rows], self.shares)
 
 
 def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
@@ -61,31 +77,37 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     normal = system.equations()
     table, places = normal.table, normal.table.start[points][:, None] + np.arange(3)
     numbers, coordinates = normal.free.number[places], table.values[places]
-    moves, extent = _similarities(coordinates, _parts(normal, numbers))
+    parts = _parts(normal, numbers)
+    middles, extent = _middles(coordinates, parts)
+    basic = np.eye(7 * (int(parts.max(initial=-1)) + 1))
+    moves = _moved_places(middles, parts, basic, coordinates)
     moves[numbers < 0] = 0.0
     unknowns, is_place = np.zeros((normal.pattern.n, moves.shape[2])), np.zeros(normal.pattern.n, np.bool_)
     unknowns[numbers[numbers >= 0]], is_place[numbers[numbers >= 0]] = moves[numbers >= 0], True
     try:
         unknowns = _with_others(normal, unknowns, is_place)
     except SingularMatrixError:  # with all points known, others are undetermined: no motion is to blame
-        return LooseMotions(moves[:, :, :0], unknowns[:, :0])
-    seen, weighted = _seen(normal, unknowns, is_place)
+        return LooseMotions(0, unknowns[:, :0], parts, middles, basic[:, :0])
+    seen = _seen(normal, unknowns, is_place)
     size = np.einsum("pik,pil->kl", moves, moves) / len(moves)
     chosen, _ = _modes(seen, size)
     most = np.abs(seen @ chosen).max(axis=0, initial=0.0)
     chosen = chosen[:, most <= max(DIRECT, 2.0 * extent / MEAN_RADIUS)]
-    turned, weakest = _modes(weighted @ chosen, chosen.T @ size @ chosen)
-    chosen = chosen @ turned[:, weakest * UNDETERMINED * extent < 1.0]
-    return LooseMotions(moves @ chosen, unknowns @ chosen)
+    amounts = np.zeros((normal.pattern.n, chosen.shape[1]))
+    amounts[numbers[numbers >= 0]] = (moves @ chosen)[numbers >= 0] / len(moves)
+    weights, turned = np.linalg.eigh(_resistance(normal, amounts))
+    count = int(np.count_nonzero(np.sqrt(np.maximum(weights, 0.0)) * UNDETERMINED * extent < 1.0))
+    chosen = chosen @ turned
+    return LooseMotions(count, unknowns @ chosen, parts, middles, chosen)
 
 
 def loose_error(system: LeastSquares, points: IntArray) -> SingularSystemError | None:
     """The error for motions that are free or loose; None where there are none. Arguments as of the latter."""
-    found = loose_motions(system, points).unknowns
-    if not found.shape[1]:
+    found = loose_motions(system, points)
+    if not found.count:
         return None
-    normal = system.equations()
-    return undetermined_error(normal.table, normal.free, normal.pattern, np.linalg.qr(found)[0])
+    normal, loose = system.equations(), np.linalg.qr(found.unknowns[:, : found.count])[0]
+    return undetermined_error(normal.table, normal.free, normal.pattern, loose)
 
 
 def size_of(coordinates: FloatArray) -> float:
@@ -112,17 +134,35 @@ def _parts(normal: NormalEquations, numbers: IntArray) -> IntArray:
     return parts
 
 
-def _similarities(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray, float]:
-    """(n, 3, 7 k) shifts, turns and change of scale of each part, about its middle; size of the largest."""
-    count, found, extent = int(parts.max(initial=-1)) + 1, [np.zeros((*coordinates.shape, 0))], 0.0
-    for part in range(count):
+def _middles(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray, float]:
+    """(n, 3) the middle of the part of each point; the size of the largest part."""
+    middles, extent = np.zeros_like(coordinates), 0.0
+    for part in range(int(parts.max(initial=-1)) + 1):
         own = parts == part
-        arms = np.where(own[:, None], coordinates - coordinates[own].mean(axis=0), 0.0)
+        middles[own] = coordinates[own].mean(axis=0)
         extent = max(extent, size_of(coordinates[own]))
-        shifts = own[:, None, None] * np.eye(3)
-        turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
-        found.append(np.concatenate([shifts, turns, arms[:, :, None]], axis=2))
-    return np.concatenate(found, axis=2), extent
+    return middles, extent
+
+
+def _moved_places(
+    middles: FloatArray, parts: IntArray, shares: FloatArray, coordinates: FloatArray
+) -> FloatArray:
+    """(n, 3, k) motions of places (n, 3), made of shifts, turns and changes of scale of their parts.
+
+    Args:
+        middles: (n, 3) the middles of their parts.
+        parts: (n,) their parts; what has -1 stays.
+        shares: (7 n_parts, k) of what the motions are made.
+        coordinates: (n, 3) the places.
+    """
+    arms = coordinates - middles
+    shifts = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
+    turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
+    own = np.concatenate([shifts, turns, arms[:, :, None]], axis=2)
+    each = np.vstack([shares, np.zeros((7, shares.shape[1]))]).reshape(
+        len(shares) // 7 + 1, 7, shares.shape[1]
+    )
+    return np.asarray(own @ each[parts])
 
 
 def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:
@@ -132,7 +172,7 @@ def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolAr
         SingularMatrixError: the others are undetermined.
     """
     values, diagonal = normal.assemble(viscous=False).values.copy(), normal.pattern.diagonal
-    held = np.where(is_place, HELD * values[diagonal], 0.0)
+    held = np.where(is_place, HELD * values[diagonal].max(initial=0.0), 0.0)
     values[diagonal] += held
     solver = choose_solver(normal.pattern)
     solver.analyse(normal.pattern)
@@ -140,20 +180,31 @@ def _with_others(normal: NormalEquations, unknowns: FloatArray, is_place: BoolAr
     return np.asarray(solver.solve(held[:, None] * unknowns))
 
 
-def _seen(
-    normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """(m, k) what equations see of motions, as shares of what they see of points; the same over sigmas."""
-    shares, weighted = [np.zeros((0, unknowns.shape[1]))], [np.zeros((0, unknowns.shape[1]))]
+def _resistance(normal: NormalEquations, amounts: FloatArray) -> FloatArray:
+    """(k, k) inverse covariance of amounts, linear functions (n_free, k) of the unknowns; 0 of what is free.
+
+    It is what the equations see, at least, where one amount changes by 1 and the others by nothing.
+    """
+    n, count = amounts.shape
+    if not count:
+        return np.zeros((0, 0))
+    still, given = partial(np.zeros, n), partial(np.asarray, amounts)
+    plain = choose_solver(normal.pattern)
+    solver = DatumSolver(plain, np.ones(n, np.bool_), still, None, given, count, normal.seen)
+    solver.analyse(normal.pattern)
+    solver.factor(normal.assemble(viscous=False).values)
+    rows = normal.seen(solver.motions[:, :count])
+    return np.asarray(rows.T @ rows)
+
+
+def _seen(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:
+    """(m, k) what equations see of motions, as shares of what they see of points."""
+    shares = [np.zeros((0, unknowns.shape[1]))]
     for batch in (*normal.batches, *normal.constraints):
         moved, alone = _moved(normal, batch, unknowns, is_place)
         sees = batch.active & (alone > 0.0)
         shares.append(moved[sees] / alone[sees, None])
-        if batch.clusters is not None:
-            weighted.append(batch.whitening_matrix() @ moved)
-        elif batch not in normal.constraints:
-            weighted.append(moved * batch.weights[0, : batch.n, None])
-    return np.concatenate(shares), np.concatenate(weighted)
+    return np.concatenate(shares)
 
 
 def _moved(
@@ -174,7 +225,7 @@ def _modes(seen: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         size: (k, k) mean products of the motions.
     """
     scale = np.sqrt(np.diag(size))
-    scale = np.where(scale > 0.0, scale, np.inf)
+    scale = np.where(scale > SHORTEST_ARM, scale, np.inf)
     lengths, axes = np.linalg.eigh(size / np.outer(scale, scale))
     apart = lengths > ALIKE
     basis = axes[:, apart] / np.sqrt(lengths[apart]) / scale[:, None]

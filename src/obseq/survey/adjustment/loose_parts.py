@@ -26,7 +26,7 @@ def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplac
     Raises:
         SingularSystemError: these are all unknown points, or none: then nothing can be done without them.
     """
-    names = {name.rsplit(".", 1)[0] for name in error.unknowns}
+    names = points_of(error)
     free = start.points.is_free.any(axis=1)
     points = [row for row in np.flatnonzero(free).tolist() if start.points.names[row] in names]
     if points and len(points) == np.count_nonzero(free):
@@ -35,6 +35,11 @@ def singular_parts(start: Determined, error: SingularSystemError) -> list[Unplac
     if not found:
         raise in_words(error)
     return found
+
+
+def points_of(error: SingularSystemError) -> set[str]:
+    """The names of the points and stations that a singular system does not determine."""
+    return {name.rsplit(".", 1)[0] for name in error.unknowns}
 
 
 def _stations(start: Determined, names: set[str]) -> list[Unplaced]:

@@ -150,7 +150,7 @@ def examine(
     """
     system = equations.system
     solution = system.solve(covariance=True, **solving)
-    if not solution.n_unknowns:  # all is held: normalised residuals say what there is to say
+    if not solution.n_unknowns or solution.weak is not None:  # normalised residuals say what there is to say
         return Examination(wanted, solution)
     groups = joint_groups(equations, book)
     snooping, change = None, None

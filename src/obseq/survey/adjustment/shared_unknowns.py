@@ -57,19 +57,27 @@ class SharedUnknowns:
         self._blocks[owner, part] = int(add([name], np.asarray([unknown.value]))[0])
 
     def sentences(self, solution: LeastSquaresResult, a_priori: bool) -> tuple[str, ...]:
-        """What was found of instruments and refraction, with standard deviations."""
-        return tuple(
-            f"{part} of {self._book.groups[owner].name}: {float(solution.values([block])[0, 0]):.6g} +- "
-            f"{float(solution.precisions([block], a_priori)[0, 0]):.2g}{UNITS[part]}"
-            for (owner, part), block in self._blocks.items()
-            if part in UNITS
-        )
+        """What was found of instruments and refraction, with standard deviations where there are some."""
+        found = []
+        for (owner, part), block in self._blocks.items():
+            if part in UNITS:
+                value = float(solution.values([block])[0, 0])
+                sigma = "?" if solution.weak else f"{float(solution.precisions([block], a_priori)[0, 0]):.2g}"
+                found.append(
+                    f"{part} of {self._book.groups[owner].name}: {value:.6g} +- {sigma}{UNITS[part]}"
+                )
+        return tuple(found)
 
     def scales(self) -> dict[str, int]:
         """Blocks of the scales, by the name of what has them."""
         return {
             self._book.groups[owner].name: at for (owner, part), at in self._blocks.items() if part == "scale"
         }
+
+    def corrections(self) -> tuple[float, ...]:
+        """Present values (m, parts) of the unknowns of instruments and refraction."""
+        blocks = [block for (_, part), block in self._blocks.items() if part in UNITS]
+        return tuple(float(self._system.values([block])[0, 0]) for block in blocks)
 
     def _require_axes(self, rows: IntArray) -> None:
         """Raises InputError for an axis whose direction no target gives."""

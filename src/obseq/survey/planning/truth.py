@@ -78,8 +78,10 @@ def placed(network: Network) -> Network:
         raise InputError(f"{lacking}, and the observed values do not agree with each other")
     rows = np.asarray(points.is_free.any(axis=1))
     coordinates = np.where(rows[:, None], adjustment.points.places, points.coordinates)
+    unobserved = adjustment.points.points.is_invented & np.isnan(points.coordinates)
+    invented = points.is_invented | unobserved
     book = network.book.warned(*sentences_of(adjustment.replaced))
-    return replace(network, points=replace(points, coordinates=coordinates), book=book)
+    return replace(network, points=replace(points, coordinates=coordinates, invented=invented), book=book)
 
 
 def _are_placeholders(network: Network) -> BoolArray:

@@ -1,0 +1,1 @@
+"""Rational polynomial coefficients of satellite images."""

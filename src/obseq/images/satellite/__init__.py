@@ -1,0 +1,1 @@
+"""Blocks of satellite images: rational polynomials, corrected image by image."""

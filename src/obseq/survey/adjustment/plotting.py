@@ -1,0 +1,95 @@
+"""The plan of an adjustment drawn with matplotlib."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obseq.errors import MissingPackageError
+from obseq.leastsquares.statistics.ellipses import ellipses_of
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
+    from obseq.survey.adjustment.adjusted_places import AdjustedPoints
+    from obseq.survey.model import FieldBook
+
+USUAL = 0.06
+"""Length of a usual ellipse, as a share of the plan."""
+HIGHEST = 3.0
+"""Residuals over sigmas at the end of the colours."""
+
+
+def plan(
+    points: AdjustedPoints,
+    book: FieldBook,
+    normalised: FloatArray | None,
+    shape: tuple[float | None, int | None],
+    axes: Any,
+) -> Any:
+    """Draws points, sights and ellipses; gives the axes of matplotlib.
+
+    Args:
+        points: The adjusted points.
+        book: Their observations.
+        normalised: (n,) residuals over sigmas, by which the sights are coloured; None: all alike.
+        shape: Level of the ellipses, and the redundancy of sigma0; None: standard ones, a priori ones.
+        axes: Where to draw; None: a figure of its own.
+    """
+    try:
+        from matplotlib import pyplot
+        from matplotlib.collections import EllipseCollection, LineCollection
+    except ImportError:
+        raise MissingPackageError("plot needs matplotlib: pip install 'obseq[plot]'") from None
+    axes = axes or pyplot.subplots(figsize=(8, 8))[1]
+    places, rows = points.coordinates[:, :2], book.observations
+    point_rows = {name: k for k, name in enumerate(points.names)}
+    numbers = np.array([point_rows.get(name, -1) for name in book.point_names])
+    ends = numbers[np.column_stack([rows.from_points, rows.to_points])]
+    used = rows.active & (ends >= 0).all(axis=1)
+    sights = LineCollection(places[ends[used]], linewidths=0.7, zorder=1)
+    if normalised is not None:
+        sights.set_array(np.abs(normalised[used]))
+        sights.set_clim(0.0, HIGHEST)
+        axes.figure.colorbar(sights, ax=axes, label="residual / sigma")
+    else:
+        sights.set_color("#98a2ad")
+    axes.add_collection(sights)
+    level, redundancy = shape
+    shapes = ellipses_of(points.names, points.covariances, level, redundancy)
+    usual = (
+        float(np.nanmedian(shapes.semi_major[shapes.semi_major > 0.0]))
+        if (shapes.semi_major > 0.0).any()
+        else 1.0
+    )
+    size = float(np.nanmax(np.ptp(places, axis=0))) or 1.0
+    factor = _round_below(USUAL * size / usual)
+    axes.add_collection(
+        EllipseCollection(
+            2.0 * factor * shapes.semi_major,
+            2.0 * factor * shapes.semi_minor,
+            90.0 - np.degrees(shapes.bearing),
+            units="xy",
+            offsets=places,
+            offset_transform=axes.transData,
+            facecolors="none",
+            edgecolors="#8b3a62",
+            zorder=2,
+        )
+    )
+    known = ~points.points.is_free.any(axis=1)
+    axes.plot(*places[~known].T, "o", color="#1b1f24", markersize=4, zorder=3)
+    axes.plot(*places[known].T, "^", color="#1b1f24", markersize=8, zorder=3)
+    for name, place in zip(points.names, places, strict=True):
+        axes.annotate(name, place, xytext=(6, 4), textcoords="offset points", fontsize=8)
+    words = "standard" if level is None else f"{100 * level:g} %"
+    axes.set_title(f"ellipses {words}, {factor:g} times larger than life")
+    axes.set_aspect("equal", "datalim")
+    axes.margins(0.1)
+    return axes
+
+
+def _round_below(value: float) -> float:
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value)
