@@ -47,7 +47,11 @@ ROOMS = {
     "diagnosis": Room(("src/obseq/diagnosis",), ("tests/diagnosis",)),
     "images": Room(
         ("src/obseq/images/causes",),
-        ("tests/images/test_block_model.py", "tests/images/test_causes.py", "tests/images/test_large_blocks.py"),
+        (
+            "tests/images/test_block_model.py",
+            "tests/images/test_causes.py",
+            "tests/images/test_large_blocks.py",
+        ),
     ),
     "causes": Room(("src/obseq/survey/causes",), ("tests/survey/causes",)),
     "diagnosing": Room(("src/obseq/survey/diagnosing",), ("tests/survey/diagnosing",)),
