@@ -2,7 +2,7 @@
 
 Each room has its folders and the tests that judge it. A seeded sample of the changes that cosmic-ray knows is
 tried in a copy of the checkout; annotations and docstrings are left alone, for nothing runs them. What
-survives is a test to write, or code to delete.
+survives is a test to write, or code to delete. It needs `obseq[mutation]`.
 
 Example:
     python tools/mutation.py --sample 60 diagnosis
@@ -53,8 +53,11 @@ ROOMS = {
             "tests/images/test_large_blocks.py",
         ),
     ),
-    "causes": Room(("src/obseq/survey/causes",), ("tests/survey/causes",)),
-    "diagnosing": Room(("src/obseq/survey/diagnosing",), ("tests/survey/diagnosing",)),
+    "causes": Room(("src/obseq/survey/causes",), ("tests/survey/test_planted_slips.py",)),
+    "diagnosing": Room(
+        ("src/obseq/survey/diagnosing",),
+        ("tests/survey/test_planted_slips.py", "tests/survey/test_gross_errors.py"),
+    ),
 }
 
 
