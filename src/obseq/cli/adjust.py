@@ -15,7 +15,16 @@ from obseq.cli.network_files import Source, add_network_arguments, given, source
 from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
-from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
+from obseq.cli.results import (
+    INCOMPLETE,
+    SECOND,
+    Outputs,
+    add_result_arguments,
+    outputs_of,
+    show,
+    shown_in,
+    write,
+)
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.printable import composed, printable
@@ -41,9 +50,6 @@ example:
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
 the JSON); 1 the iterations did not converge, points were left out, or observations that no file switches
 off, gross errors are suspected, or snooping or --without-accused left some out; 2 could not run"""
-
-SECOND = "-without-accused"
-"""What the names of the files of a second adjustment end with."""
 
 
 @dataclass(frozen=True)
