@@ -94,6 +94,17 @@ def test_the_centre_is_that_of_the_circle_not_of_its_ellipse() -> None:
     assert target.ellipse - truth.centre == pytest.approx(off, abs=0.03)
 
 
+@pytest.mark.parametrize("family", ["IGNIndoor", "IGNDroneSym", "IGNDroneTop"])
+def test_targets_of_twenty_pixels_are_found(family, sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    """Bits of two pixels, beside what is as black: seen only when all are solved together."""
+    image, truths = scene(camera, [sets[family]], count=12, sizes=(20.0, 21.0), tilts=(0.0, 30.0))
+    found = {target.name: target for target in Finder([sets[family]]).find(image).targets}
+    assert found.keys() == {one.name for one in truths}
+    for one in truths:
+        assert math.hypot(*(found[one.name].centre - one.centre)) < 0.12
+        assert (np.abs(np.abs(found[one.name].margins) - 1.0) < 0.6).all()
+
+
 def test_sixteen_bits_give_what_eight_give(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
     finder = Finder([sets["IGNIndoor"]])
     image, truths = scene(camera, [sets["IGNIndoor"]], deep=True)
@@ -127,7 +138,7 @@ def test_codes_of_other_sets_are_refused_with_the_reason(sets, camera, scene) ->
     other = made("IGNIndoor", numbers={35})
     found = Finder([other]).find(image)
     assert len(found.targets) <= 1
-    assert any(refusal.stage == "code of the set" for refusal in found.refused)
+    assert any(refusal.stage.startswith("code of the set") for refusal in found.refused)
 
 
 def test_spots_without_code_are_measured_when_asked_for() -> None:

@@ -42,6 +42,7 @@ from typing import TYPE_CHECKING, Any
 import diagnosis_blocks as blocks
 import diagnosis_networks as networks
 import diagnosis_slips as slips
+import diagnosis_vectors as vectors
 import numpy as np
 from command import command_line, write_json
 from diagnosis_records import of_block, of_refusal, of_survey
@@ -126,9 +127,10 @@ def _survey(folder: Path, survey: networks.Survey) -> Run:
     texts = survey.texts()
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    if "site.cor" not in texts:
+        return of_survey(Network.read_project([folder / name for name in texts], **survey.options))
     books = [folder / name for name in texts if name.endswith(".obs")]
-    network = Network.read(books, folder / "site.cor", **survey.options)
-    return of_survey(network)
+    return of_survey(Network.read(books, folder / "site.cor", **survey.options))
 
 
 def _spoiled(survey: networks.Survey, random: Random, adjustment: Any, count: int, most: float) -> Any:
@@ -191,6 +193,10 @@ def _classes() -> Iterator[tuple[str, Class]]:
     yield "site: none", Class(networks.site, lambda survey, random, clean: (survey, ()), _survey)
     for name, slip in slips.SLIPS.items():
         yield f"site: {name}", Class(networks.site, partial(_slipped, slip), _survey, has_causes=True)
+    yield "vectors: none", Class(vectors.vectors, lambda survey, random, clean: (survey, ()), _survey)
+    for name, slip in vectors.SLIPS.items():
+        made = vectors.vectors
+        yield f"vectors: {name}", Class(made, partial(_slipped, slip), _survey, has_causes=True)
     many = partial(networks.site, rounds=16)
     yield "site: constant below a sigma", Class(many, partial(_slipped, slips.below_a_sigma), _survey)
     yield "block: none", Class(blocks.block, lambda given, random, clean: (given, ()), _block)

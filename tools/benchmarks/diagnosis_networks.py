@@ -140,7 +140,7 @@ Planted = tuple[Survey, tuple[Fault, ...]]
 def mixed(random: Random) -> Survey:
     """A network of 5 to 9 points with all usual observations, on the Earth."""
     n, size = int(random.integers(5, 10)), 10.0 ** random.uniform(1.7, 3.5)
-    true = _apart(n, size, size / 12.0, random, min(size / 10.0, 300.0))
+    true = apart(n, size, size / 12.0, random, min(size / 10.0, 300.0))
     listed = simulated.in_system(true, simulated.PLANE)
     names = [f"P{k}" for k in range(n)]
     readings: list[Reading] = []
@@ -158,7 +158,7 @@ def mixed(random: Random) -> Survey:
     return Survey(tuple(readings), coordinates, tuple(known), options)
 
 
-def _apart(n: int, size: float, least: float, random: Random, high: float) -> FloatArray:
+def apart(n: int, size: float, least: float, random: Random, high: float) -> FloatArray:
     """Points of a square, none too near to another."""
     while True:
         plan = random.uniform(-size / 2.0, size / 2.0, (n, 2))
@@ -201,7 +201,7 @@ def site(random: Random, rounds: int = 1) -> Survey:
         rounds: how often each sight is read.
     """
     n, size = int(random.integers(8, 15)), float(random.uniform(120.0, 500.0))
-    true = _apart(n, size, 12.0, random, 0.0) + np.array([1000.0, 2000.0, 0.0])
+    true = apart(n, size, 12.0, random, 0.0) + np.array([1000.0, 2000.0, 0.0])
     true[:, 2] += random.normal(0.0, size / 40.0, n)
     names = [f"P{k + 1}" for k in range(n)]
     readings: list[Reading] = []

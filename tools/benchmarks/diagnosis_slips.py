@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from diagnosis_networks import DIST, HZ, ZEN
+import numpy as np
+from diagnosis_networks import DIST, GON, HZ, ZEN
 from diagnosis_verdicts import Fault
 
 if TYPE_CHECKING:
@@ -120,6 +121,30 @@ def constant(survey: Survey, random: Random) -> Planted:
     return _one(survey, survey.shifted(rows, by), rows, "S150", "constant or scale of distances")
 
 
+def eccentric(survey: Survey, random: Random) -> Planted:
+    """An instrument 5 to 50 cm beside its mark."""
+    setup, angle = _setup(survey, random), random.uniform(0.0, 2.0 * np.pi)
+    shift = float(random.uniform(0.05, 0.5)) * np.array([np.sin(angle), np.cos(angle), 0.0])
+    rows = survey.rows(HZ, ZEN, DIST, setup=setup)
+    made = list(survey.readings)
+    for first in rows[::3]:
+        hz, zenith, length = (made[first + k].value for k in range(3))
+        a, z = hz * GON, zenith * GON
+        sight = length * np.array([np.sin(z) * np.sin(a), np.sin(z) * np.cos(a), np.cos(z)]) - shift
+        flat = np.hypot(*sight[:2])
+        values = np.arctan2(*sight[:2]) / GON % 400.0, np.arctan2(flat, sight[2]) / GON, np.linalg.norm(sight)
+        for k, value in enumerate(values):
+            made[first + k] = replace(made[first + k], value=float(value))
+    return _one(survey, replace(survey, readings=tuple(made)), rows, "S162")
+
+
+def feet_of_known(survey: Survey, random: Random) -> Planted:
+    """All coordinates in feet."""
+    listed = {name: tuple(part / 0.3048 for part in xyz) for name, xyz in survey.coordinates.items()}
+    codes = frozenset({"S212"})
+    return replace(survey, coordinates=listed), (Fault(codes=codes, causes=codes),)
+
+
 def below_a_sigma(survey: Survey, random: Random) -> Planted:
     """A constant of at most a sigma on all distances: within what sigmas announce."""
     rows = survey.rows(DIST)
@@ -158,4 +183,6 @@ SLIPS: dict[str, Callable[[Survey, Random], Planted | None]] = {
     "constant of a file": constant,
     "scale of a file": scale,
     "known coordinate": known,
+    "eccentric set-up": eccentric,
+    "coordinates in feet": feet_of_known,
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,12 +24,14 @@ from obseq.cli.parsing import (
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, SECOND
 from obseq.errors import ObseqError, noting
+from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from obseq.formats.blocks.catalogue import BlockWriter
     from obseq.images import BundleAdjustment, BundleSolution
     from obseq.images.output.block_record import BundleRecord
     from obseq.images.poses import Poses
@@ -78,11 +80,8 @@ def register(commands: Commands) -> None:
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
     for option, (_, purpose) in FILES.items():
         results.add_argument(f"--{option}", type=output_file, metavar="FILE", help=purpose)
-    results.add_argument("--colmap-out", type=Path, metavar="DIR", help="a sparse model of COLMAP, as text")
-    results.add_argument("--opk-out", type=Path, metavar="FILE", help="poses: omega, phi, kappa")
-    results.add_argument(
-        "--bal-out", type=Path, metavar="FILE", help="a problem of Bundle Adjustment in the Large"
-    )
+    for writer in WRITERS:
+        results.add_argument(f"--{writer.option}", type=Path, metavar=writer.takes, help=writer.holds)
 
 
 def _add_computation(command: argparse.ArgumentParser) -> None:
@@ -133,7 +132,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     outputs = _outputs(arguments)
     second = _second(outputs).values() if arguments.without_accused else ()
-    check_writable([*outputs.values(), *second, *_other_places(arguments)], inputs(arguments))
+    others = [path for writer, place in _asked(arguments) for path in writer.places(place)]
+    check_writable([*outputs.values(), *second, *others], inputs(arguments))
     with Progress("loading") as progress:
         from obseq.images.causes.refusals import explained
         from obseq.images.output.overview import overview
@@ -144,19 +144,20 @@ def run(arguments: argparse.Namespace) -> int:
         if not block.check_points and not arguments.checks:
             outputs.pop("checks", None)
         with noting(block.notes):
-            _check_formats(arguments, block)
+            for writer, _ in _asked(arguments):
+                writer.check(block)
             read = overview(block)
             progress.tell(read)
             with explained(block, progress, **options):
                 solution = _solve(block, options, progress)
-        record, shown = _written(solution, given, arguments, outputs, options, progress, read)
+        record, shown = _reported(solution, given, arguments, outputs, options, progress, read)
     say(shown, outputs.values())
     if arguments.without_accused:
         return _without_accused(solution, record, arguments, outputs, options)
     return 0 if record.is_complete else INCOMPLETE
 
 
-def _written(
+def _reported(
     solution: BundleSolution,
     given: Poses,
     arguments: argparse.Namespace,
@@ -176,7 +177,8 @@ def _written(
     progress("writing")
     record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
     boundary = Boundary()
-    files = boundary.texts(_writers(arguments, outputs, solution, record))
+    files = boundary.texts(_writers(outputs, solution, record))
+    files |= _written(arguments, solution, boundary)
     record = structs.replace(record, failures=(*record.failures, *boundary.failures))
     shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
     write_all(files | ({} if text is None else {text: shown + read}))
@@ -194,14 +196,15 @@ def _without_accused(
     from obseq.images.causes.without_accused import without_accused
 
     places = _second(outputs)
-    alone = argparse.Namespace(**{**vars(arguments), "colmap_out": None, "opk_out": None, "bal_out": None})
+    none = {writer.option.replace("-", "_"): None for writer in WRITERS}
+    alone = argparse.Namespace(**{**vars(arguments), **none})
     try:
         with Progress("adjusting without what is accused") as progress:
             block = without_accused(solution, first.diagnosis)
             given = block.poses
             block.initialise(causes=False)
             rest = block.solve(**options)
-            _, shown = _written(rest, given, alone, places, options, progress, "")
+            _, shown = _reported(rest, given, alone, places, options, progress, "")
     except ObseqError as error:
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
@@ -224,7 +227,7 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
 
 
 def _writers(
-    arguments: argparse.Namespace, outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord
+    outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord
 ) -> dict[Path, Callable[[], str]]:
     """What writes each of the files that are asked for, but the summary."""
     from obseq.images.output.clouds import camera_table, ply, point_table, pose_table
@@ -240,59 +243,25 @@ def _writers(
         "checks": lambda: check_table(record),
         "html": lambda: page(record),
     }
-    asked = {path: writers[option] for option, path in outputs.items() if option in writers}
-    return asked | _other_writers(arguments, solution)
+    return {path: writers[option] for option, path in outputs.items() if option in writers}
 
 
-def _other_places(arguments: argparse.Namespace) -> list[Path]:
-    """The files of other programs that are asked for."""
-    return [*(path for path in (arguments.opk_out, arguments.bal_out) if path), *_colmap_places(arguments)]
+def _asked(arguments: argparse.Namespace) -> list[tuple[BlockWriter, Path]]:
+    """The formats of other programs that are asked for, and where they go."""
+    given = vars(arguments)
+    return [
+        (writer, path) for writer in WRITERS if (path := given[writer.option.replace("-", "_")]) is not None
+    ]
 
 
-def _check_formats(arguments: argparse.Namespace, block: BundleAdjustment) -> None:
-    """Refuses, before the work, a block that a format of another program cannot hold."""
-    from obseq.formats.bal.reader import RADIAL
-    from obseq.formats.camera_terms import check_cameras
-    from obseq.formats.colmap.reader import check_block
-    from obseq.formats.opk.reader import check_names
-
-    if arguments.colmap_out:
-        check_block(block)
-    if arguments.bal_out:
-        check_cameras(block, "BAL", RADIAL)
-    if arguments.opk_out:
-        check_names(block.camera_of)
-
-
-def _other_writers(arguments: argparse.Namespace, solution: BundleSolution) -> dict[Path, Callable[[], str]]:
-    """What writes the adjusted block in the formats of other programs, where that is asked for."""
-    from obseq.formats.bal.reader import bal_text
-    from obseq.formats.colmap.reader import colmap_files
-    from obseq.formats.opk.reader import opk_text
-
-    writers: dict[Path, Callable[[], str]] = {}
-    if arguments.colmap_out:
-        model = cache(lambda: colmap_files(solution, arguments.colmap_out))
-        writers |= {path: partial(_one_of, model, path) for path in _colmap_places(arguments)}
-    if arguments.opk_out:
-        writers[arguments.opk_out] = lambda: opk_text(solution.poses)
-    if arguments.bal_out:
-        writers[arguments.bal_out] = lambda: bal_text(solution.adjusted_block())
-    return writers
-
-
-def _one_of(made: Callable[[], Mapping[Path, str]], path: Path) -> str:
-    """The text of one of the files that are made together."""
-    return made()[path]
-
-
-def _colmap_places(arguments: argparse.Namespace) -> list[Path]:
-    """The files of a model of COLMAP, if one is asked for."""
-    if not arguments.colmap_out:
-        return []
-    from obseq.formats.colmap.reader import WRITTEN
-
-    return [arguments.colmap_out / name for name in WRITTEN]
+def _written(arguments: argparse.Namespace, solution: BundleSolution, boundary: Boundary) -> dict[Path, str]:
+    """The texts of files in the formats of other programs; none takes the place of an input."""
+    found: dict[Path, str] = {}
+    for writer, place in _asked(arguments):
+        made = boundary.attempt(f"--{writer.option}", partial(writer.files, solution, place), {})
+        check_writable(list(made), inputs(arguments))
+        found |= made
+    return found
 
 
 def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> dict[str, Any]:

@@ -28,6 +28,7 @@ COMMANDS = {
     "aerial": ("image-world", "world-image", "intersect", "resect"),
     "epipolar": ("epipolar",),
     "targets": ("targets",),
+    "project_targets": ("extract-targets", "complete-targets", "refine-circles"),
     "project_imports": ("edit-metadata", "import-gcp", "import-obs"),
     "project": (
         "create-calib",

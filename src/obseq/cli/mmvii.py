@@ -70,7 +70,7 @@ def in_our_words(words: Sequence[str]) -> list[str]:
     ours, idle = in_our_words(spelling, given)
     for option in idle:
         print(f"{option} has no effect here: {IDLE[option]}", file=sys.stderr)
-    return [spelling.ours, *ours]
+    return [*spelling.ours.split(), *ours]
 
 
 def listing() -> str:

@@ -90,8 +90,20 @@ class Columns:
             found[some] = np.where(low == high, low, _SEVERAL)
         return found
 
+    def are_near(self, linear: Linear, sets: IntArray) -> BoolArray:
+        """(g,) whether M of a set (g, q) takes no solves: the unknowns of all its columns are joined."""
+        if isinstance(self.matrix, np.ndarray):
+            return np.ones(len(sets), np.bool_)
+        return np.asarray(self._are_within(linear, sets) | self.is_local[sets].all(axis=1))
+
+    def _are_within(self, linear: Linear, sets: IntArray) -> BoolArray:
+        """(g,) whether all columns of a set change the same observation, or nothing."""
+        units = self._units(linear)[sets]
+        units = np.where(units == _NONE, units.max(axis=1, keepdims=True), units)
+        return np.asarray((units == units[:, :1]).all(axis=1) & (units[:, 0] != _SEVERAL))
+
     def grams(self, linear: Linear, sets: IntArray) -> FloatArray:
-        """(g, q, q) C' R C of small sets (g, q) of columns whose unknowns are all joined."""
+        """(g, q, q) C' R C of small sets (g, q) of columns; by solves where they are not near."""
         g, q = sets.shape
         if isinstance(self.matrix, np.ndarray):
             through, solved = self._through(linear)
@@ -118,9 +130,7 @@ class Columns:
             through = (rows.T @ flat).toarray()
             return through, linear.solve(through)
 
-        units = self._units(linear)[sets]
-        units = np.where(units == _NONE, units.max(axis=1, keepdims=True), units)
-        is_within = (units == units[:, :1]).all(axis=1) & (units[:, 0] != _SEVERAL)
+        is_within = self._are_within(linear, sets)
         is_local = ~is_within & self.is_local[sets].all(axis=1)
         return [
             (np.flatnonzero(is_within), lambda flat: (flat, (linear.taken @ flat).tocsc())),

@@ -6,6 +6,7 @@ does to the equations (the columns themselves) is made at each linearisation.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,7 @@ class Family:
         needs_slip: Whether it is told only with a slip that explains it.
         is_bent: Whether the effect of a large error is far from linear, and is applied by the model.
         is_start: Whether a robust start without one of them is worth a trial.
+        most: Size beyond which it is another mistake, or its effect is no longer linear.
     """
 
     code: str
@@ -41,6 +43,7 @@ class Family:
     needs_slip: bool = False
     is_bent: bool = False
     is_start: bool = False
+    most: float = math.inf
 
     @classmethod
     def alone(cls, code: str, columns: IntArray, rarity: float = 0.0, **about: bool) -> Family:
@@ -61,7 +64,7 @@ class Hypotheses:
         family: (h,) number of the family of each.
         q: (h,) how many columns each has.
         rarity: (h,) in squares.
-        is_block, needs_slip, is_bent, is_start: (h,) see `Family`.
+        is_block, needs_slip, is_bent, is_start, most: (h,) see `Family`.
     """
 
     def __init__(self, families: Sequence[Family]) -> None:
@@ -76,6 +79,7 @@ class Hypotheses:
         self.rarity: FloatArray = np.repeat(
             np.array([one.rarity for one in self.families], np.float64), sizes
         )
+        self.most: FloatArray = np.repeat(np.array([one.most for one in self.families], np.float64), sizes)
         self.is_block = self._which("is_block")
         self.needs_slip = self._which("needs_slip")
         self.is_bent = self._which("is_bent")

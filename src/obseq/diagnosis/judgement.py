@@ -43,6 +43,8 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
+    if not chosen:  # nothing that was found stands out of the noise
+        is_accepted = left <= accepted(redundancy, tests.policy)
     if len(chosen) > 1 and redundancy < _HALF * tests.linear.redundancy:
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     told = {i: _accusation(model, found, chosen, i) for i in chosen}

@@ -92,6 +92,7 @@ class LinearTests:
         self._across: dict[int, FloatArray] = {}
         self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
+        self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
         self._is_screened = linear.n > policy.large
         counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
         tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in sorted(counts.items()))
@@ -121,13 +122,30 @@ class LinearTests:
 
     @cached_property
     def _sets(self) -> list[tuple[IntArray, IntArray, FloatArray]]:
-        """Observations of several equations, by their number: hypotheses, columns (g, q), and M (g, q, q)."""
+        """Hypotheses of several columns and no blocks, by their number: which, columns (g, q), M (g, q, q).
+
+        M is NaN where it takes solves: it is worked out where something asks for it.
+        """
         wanted, found = self.hypotheses.q * ~self.hypotheses.is_block, []
         for size in sorted(set(wanted[wanted > 1].tolist())):  # np.unique would load masked arrays
             which = np.flatnonzero(wanted == size)
             columns = self.hypotheses.columns[self.hypotheses.starts[which][:, None] + np.arange(size)]
-            found.append((which, columns, self._columns.grams(self.linear, columns)))
+            grams, near = (
+                np.full((len(which), size, size), np.nan),
+                self._columns.are_near(self.linear, columns),
+            )
+            grams[near] = self._columns.grams(self.linear, columns[near])
+            found.append((which, columns, grams))
         return found
+
+    def _weigh_sets(self, shown: FloatArray) -> None:
+        """Works out M of the sets of columns that are wanted and not known yet."""
+        for _, columns, grams in self._sets:
+            wanted = np.isnan(grams[:, 0, 0])
+            if self._is_screened:
+                wanted &= (np.abs(shown[columns]) > self.policy.screen).any(axis=1)
+            for part in _parts(np.flatnonzero(wanted)):
+                grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property
     def _blocks(self) -> IntArray:
@@ -138,6 +156,14 @@ class LinearTests:
     def is_solved(self) -> BoolArray:
         """(h,) whether hypotheses are not too large to be solved for."""
         return np.asarray(self.hypotheses.q <= self.policy.columns)
+
+    @property
+    def _in_sets(self) -> BoolArray:
+        """(k,) columns that no hypothesis has alone, nor a block."""
+        result = np.ones(len(self.shown), np.bool_)
+        wanted = (self.hypotheses.q == 1) | self.hypotheses.is_block
+        result[self.hypotheses.columns[np.repeat(wanted, self.hypotheses.q)]] = False
+        return result
 
     def _weigh(self, shown: FloatArray) -> None:
         """Works out M of the columns that are wanted and not known yet."""
@@ -199,14 +225,18 @@ class LinearTests:
         alone = np.where(seen, given.shown**2 / np.where(seen, weight, 1.0), 0.0)
         statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int64)
         statistic[self._single] = alone[self._at_single]
+        self._weigh_sets(given.shown)
         for which, columns, grams in self._sets:
             across = given.basis[:, columns].transpose(1, 0, 2)
-            left = grams - across.transpose(0, 2, 1) @ across
-            statistic[which], degrees[which] = _joint(left, given.shown[columns], self.policy.unseen)
+            left = np.nan_to_num(grams) - across.transpose(0, 2, 1) @ across
+            found, rank, sizes = _joint(left, given.shown[columns], self.policy.unseen)
+            size = np.linalg.norm(sizes / self.norm[columns], axis=1)
+            statistic[which] = np.where(size <= self.hypotheses.most[which], found, 0.0)
+            degrees[which] = rank
         for i in self._standing_out(alone) if blocks else ():
             own = self.hypotheses.of(i)
             left = self._gram(own) - given.basis[:, own].T @ given.basis[:, own]
-            found, rank = _joint(left[None], given.shown[own][None], self.policy.unseen)
+            found, rank, _ = _joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
         limits = np.array([self.limit(d) for d in range(int(degrees.max(initial=1)) + 1)])
@@ -312,29 +342,30 @@ def _parts(which: IntArray) -> list[IntArray]:
     return [which[first : first + _CHUNK] for first in range(0, len(which), _CHUNK)]
 
 
-def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray]:
-    """T and degrees of freedom of sets (g,), from M (g, q, q) and u (g, q)."""
+def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """T, degrees of freedom (g,) and sizes (g, q) of sets, from M (g, q, q) and u (g, q)."""
     if weights.shape[1] == _PAIR:
         return _joint_of_pairs(weights, shown, unseen)
     shares, axes = np.linalg.eigh(weights)
     seen = shares > unseen
     along = np.einsum("gij,gi->gj", axes, shown)
-    parts = np.where(seen, along**2 / np.where(seen, shares, 1.0), 0.0)
-    return parts.sum(axis=1), seen.sum(axis=1)
+    sizes = np.where(seen, along / np.where(seen, shares, 1.0), 0.0)
+    return (sizes * along).sum(axis=1), seen.sum(axis=1), np.einsum("gij,gj->gi", axes, sizes)
 
 
-def _joint_of_pairs(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray]:
+def _joint_of_pairs(
+    weights: FloatArray, shown: FloatArray, unseen: float
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """The same for sets of two, whose eigenvectors stand in closed form: blocks have many of them."""
     first, second, cross = weights[:, 0, 0], weights[:, 1, 1], weights[:, 0, 1]
     angle = 0.5 * np.arctan2(2.0 * cross, first - second)
-    cosine, sine = np.cos(angle), np.sin(angle)
     middle, half = 0.5 * (first + second), np.hypot(0.5 * (first - second), cross)
+    axis = np.column_stack([np.cos(angle), np.sin(angle)])
+    across = np.column_stack([-axis[:, 1], axis[:, 0]])
     found, degrees = np.zeros(len(weights)), np.zeros(len(weights), np.int64)
-    for share, along in (
-        (middle + half, cosine * shown[:, 0] + sine * shown[:, 1]),
-        (middle - half, cosine * shown[:, 1] - sine * shown[:, 0]),
-    ):
-        seen = share > unseen
-        found += np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0)
-        degrees += seen
-    return found, degrees
+    sizes = np.zeros_like(shown)
+    for share, direction in ((middle + half, axis), (middle - half, across)):
+        along, seen = np.einsum("gi,gi->g", direction, shown), share > unseen
+        size = np.where(seen, along / np.where(seen, share, 1.0), 0.0)
+        found, degrees, sizes = found + size * along, degrees + seen, sizes + size[:, None] * direction
+    return found, degrees, sizes

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from obseq.errors import InputError
 from obseq.project.bundle_options import KNOWN, TOPO
 from obseq.project.spelling import Form, Option, Spelling, as_typed, in_order, switch, value, values
+from obseq.project.target_spellings import TARGETS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -224,18 +225,7 @@ SPELLINGS = (
         example="Bench 1",
         differs="The other self checks are the tests of the project: tools/test.",
     ),
-    *(
-        Spelling(name, "", f"{about}; here: obseq targets {ours}")
-        for name, ours, about in (
-            ("CodedTargetGenerateEncoding", "generate", "makes the codes of a family"),
-            ("CodedTargetGenerate", "draw", "draws targets"),
-            ("CodedTargetExtract", "find", "finds square targets in images"),
-            ("CodedTargetCircExtract", "find", "finds circular targets in images"),
-            ("CodedTargetSimul", "simulate", "makes images of targets"),
-            ("CodedTargetCompleteUncoded", "complete", "names targets without a code"),
-            ("CodedTargetRefineCirc", "find", "refines the centres of circles"),
-        )
-    ),
+    *TARGETS,
 )
 """All of them, in the order of the training."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.targets.detection import crossings, discs, saddle_strength, saddles, smooth
+from obseq.targets.detection import discs, saddle_strength, saddles, smooth
 from obseq.targets.light_spots import above_mean, spots, stand_out
 
 if TYPE_CHECKING:
@@ -28,13 +28,8 @@ SPOT_AREAS = (9, 320)
 """Pixels of the smallest and the largest spot of a level; larger ones are found at the next."""
 RADII = np.array([2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0])
 """Of the circles on which the directions of crossing lines are taken, pixels, as far as they go on."""
-NARROWEST = 0.25
-"""Radians of the narrowest quadrant: a tilt of 80 degrees."""
 FARTHEST = 34.0
 """Pixels to the edge of the largest disc of a level; larger ones are found at the next."""
-RAYS_OF_RINGS = np.array([0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85])
-RAYS_OF_ROWS = np.array([0.1, 0.14, 0.18, 0.24, 0.3, 0.7, 0.76, 0.82, 0.86, 0.9])
-"""Rays in a quadrant, in parts of it. Before the middle of rows the gap to the bits is narrow."""
 MOST = 40000
 """Candidates of a tile at most."""
 
@@ -48,7 +43,7 @@ def gaussian(sigma: float) -> FloatRows:
     return found
 
 
-def find_discs(level: Level, sign: float, in_rows: bool) -> FloatRows:
+def find_discs(level: Level, sign: float) -> FloatRows:
     """(n, 10) chequered discs of a level; the strongest first.
 
     x, y, strength, dark and light level around, the angle at which light turns dark, by how much further dark
@@ -57,20 +52,15 @@ def find_discs(level: Level, sign: float, in_rows: bool) -> FloatRows:
     Args:
         level: of the image.
         sign: 1, or -1 for light and dark exchanged.
-        in_rows: bits are so near that the edge of the disc is seen in a part of its quadrants only.
     """
-    found = np.vstack([_tile_discs(tile, level.noise, sign, in_rows) for tile in level.tiles()])
+    found = np.vstack([_tile_discs(tile, level.noise, sign) for tile in level.tiles()])
     return found[np.argsort(-found[:, 2], kind="stable")]
 
 
-def _tile_discs(tile: Tile, noise: float, sign: float, in_rows: bool) -> FloatRows:
+def _tile_discs(tile: Tile, noise: float, sign: float) -> FloatRows:
     found = _tile_saddles(tile, noise)
-    angles, parts = np.empty((len(found), 2)), RAYS_OF_ROWS if in_rows else RAYS_OF_RINGS
-    crossings(tile.image, sign, RADII, found, angles)
-    is_crossing = (angles[:, 1] > NARROWEST) & (angles[:, 1] < math.pi - NARROWEST)
-    found = np.column_stack((found, angles))[is_crossing]
-    shapes = np.empty((len(found), 3))
-    discs(tile.image, sign, parts, FARTHEST, found, np.empty((2 * len(parts), 3)), shapes)
+    shapes = np.empty((len(found), 5))
+    discs(tile.image, sign, noise, RADII, FARTHEST, found, shapes)
     found = np.column_stack((found, shapes))[np.isfinite(shapes[:, 0])]
     found[:, :2] += np.array([tile.left, tile.top])
     return found[tile.owns(found[:, 0], found[:, 1])]

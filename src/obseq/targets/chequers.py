@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.targets.drawings import figure_of
 from obseq.targets.fits import Placed
-from obseq.targets.levels import sampled
+from obseq.targets.measuring import outer_places, region_of
+from obseq.targets.rendering import layers
 from obseq.targets.rings import Reading, Unread, code_of
 
 if TYPE_CHECKING:
@@ -17,10 +20,11 @@ if TYPE_CHECKING:
     from obseq.targets.levels import Level
     from obseq.targets.specification import Specification
 
-MIDDLE = (0.2, 0.8)
-"""Share of the contrast between which the threshold of bits is looked for."""
-LEAST_GAP = 0.25
-"""Least gap between dark and light bits, in contrasts."""
+ACROSS = 12
+"""Pixels of a unit that are enough to read bits: more are put together."""
+TINY = 1e-9
+EITHER = 0.5
+"""What a bit is before it is read, and its sigma: it has ink, or has none."""
 
 
 def chequered_disc(level: Level, spec: Specification, disc: FloatArray) -> Placed | None:
@@ -54,60 +58,87 @@ def _affinity(spec: Specification, shape: FloatRows, dark: float, light: float) 
     return matrix if np.linalg.det(matrix) > 0.0 else None
 
 
-def read_bits(image: Array, spec: Specification, places: FloatRows, fit: Fit) -> list[Reading] | Unread:
-    """What the bits around a chequered disc may say, the likeliest first.
+def read_bits(image: Array, spec: Specification, fit: Fit) -> list[Reading] | Unread:
+    """What the bits around a chequered disc may say.
 
-    A disc is the same after half a turn. Where codes are not, bits are read both ways.
+    A disc is the same after half a turn. Where codes are not, bits are read both ways. A wrong bit is mended
+    where no other code is as near.
 
     Args:
         image: (height, width).
         spec: the set.
-        places: (bits, k, 2) places of the drawing where each bit is read, units.
         fit: of the disc.
     """
-    first = _read_once(image, spec, places, fit, fit.placed)
-    if spec.frequency % 2 == 0:
-        return first
-    second = _read_once(image, spec, places, fit, fit.placed.turned(-np.eye(2)))
-    if isinstance(first, Unread):
-        return second
-    return first if isinstance(second, Unread) else first + second
+    ways = [fit.placed] if spec.frequency % 2 == 0 else [fit.placed, fit.placed.turned(-np.eye(2))]
+    found: list[Reading] = []
+    for placed in ways:
+        ink = bit_ink(image, spec, placed, fit)
+        if ink is None:
+            return Unread("inside the image", 0.0, 1.0)
+        margins = 2.0 * (ink - EITHER)
+        code = code_of(margins > 0.0, spec)
+        mended = min(1, (spec.class_distance - 1) // 2)
+        nearest = min(spec.turns, key=lambda known: (known ^ code).bit_count())
+        corrected = (nearest ^ code).bit_count()
+        if corrected <= mended:
+            found += _turned(spec, placed, nearest, margins, corrected)
+    return found or Unread("code of the set: bits that differ", corrected, mended)
 
 
-def _read_once(
-    image: Array, spec: Specification, places: FloatRows, fit: Fit, placed: Placed
-) -> list[Reading] | Unread:
-    n, k, _ = places.shape
-    pixels = placed.pixels(places.reshape(-1, 2))
+def bit_ink(image: Array, spec: Specification, placed: Placed, fit: Fit) -> FloatArray | None:
+    """(bits,) how much ink each bit has, 0 to 1, by least squares; None where they leave the image.
+
+    Unknown are the light with its slopes, the ink of the central figure, that of each bit, and what is beyond
+    each edge of the sheet. So bits that are smaller than the blur are told from their neighbours.
+
+    Args:
+        image: (height, width).
+        spec: the set.
+        placed: where the drawing lies.
+        fit: of the disc: about its contrast and noise.
+    """
+    region = region_of(spec, replace(placed, sigma=0.0), whole=True)
+    pixels = placed.pixels(outer_places(region))
+    low, high = np.floor(pixels.min(axis=0)).astype(int), np.ceil(pixels.max(axis=0)).astype(int)
     height, width = image.shape
-    if pixels.min() < 0.5 or pixels[:, 0].max() > width - 1.5 or pixels[:, 1].max() > height - 1.5:
-        return Unread("inside the image", 0.0, 1.0)
-    grey = np.median(sampled(image, *pixels.T).reshape(n, k), axis=1)
-    ink = (grey - fit.offset) / fit.gain
-    threshold = _threshold(ink)
-    if isinstance(threshold, Unread):
-        return threshold
-    margins = 2.0 * (ink - threshold)
-    code = code_of(margins > 0.0, spec)
-    found = _turned(spec, placed, code, margins, 0)
-    if not found and (spec.class_distance - 1) // 2 >= 1:
-        for bit in np.argsort(np.abs(margins))[:2].tolist():
-            found += _turned(spec, placed, code ^ (1 << bit), margins, 1)
-    return found or Unread("code of the set", float(code), math.nan)
+    if (low < 0).any() or high[0] >= width or high[1] >= height:
+        return None
+    step = max(1, int(placed.unit) // ACROSS)
+    columns, lines = (high - low + step) // step
+    window = image[low[1] : low[1] + step * lines, low[0] : low[0] + step * columns]
+    lines, columns = len(window) // step, window.shape[1] // step
+    window = window[: step * lines, : step * columns].reshape(lines, step, columns, step)
+    grey = window.mean(axis=(1, 3), dtype=np.float64)
+    sigma, bits = placed.sigma / step, spec.bits
+    k = math.ceil(3.0 * sigma)
+    place = np.concatenate(
+        [
+            (placed.centre - low - 0.5 * (step - 1)) / step + k,
+            placed.matrix.ravel() / step,
+            placed.perspective,
+            placed.bend * step,
+        ]
+    )
+    sharp = np.empty((bits + 6, lines + 2 * k, columns + 2 * k))
+    layers(figure_of(spec), bits, region, place, 3, sharp)
+    parts = _blur(lines, k, sigma) @ sharp[:-1] @ _blur(columns, k, sigma).T
+    inside = sharp[-1, k : k + lines, k : k + columns] > 0.0
+    y, x = np.nonzero(inside)
+    design = np.column_stack((np.ones(len(x)), x - x.mean(), y - y.mean(), parts[:, inside].T))
+    prior = np.r_[np.zeros(3), np.full(bits + 5, EITHER * fit.gain)]
+    certain = np.r_[np.full(3, TINY), np.full(bits + 5, (fit.sigma0 / (EITHER * fit.gain)) ** 2)]
+    normal = design.T @ design + np.diag(certain)
+    solved = prior + np.linalg.solve(normal, design.T @ (grey[inside] - design @ prior))
+    ink: FloatArray = solved[3 : 3 + bits] / solved[3 + bits]
+    return ink
 
 
-def _threshold(ink: FloatArray) -> float | Unread:
-    """Where bits of ink are told from others: in the widest gap; half way where all are alike and clear."""
-    ordered = np.sort(ink)
-    gaps, between = np.diff(ordered), 0.5 * (ordered[1:] + ordered[:-1])
-    inside = (between > MIDDLE[0]) & (between < MIDDLE[1])
-    widest = int(np.argmax(np.where(inside, gaps, -1.0)))
-    gap = float(gaps[widest]) if inside.any() else 0.0
-    if gap >= LEAST_GAP:
-        return float(between[widest])
-    if np.abs(ink).max() < LEAST_GAP or np.abs(ink - 1.0).max() < LEAST_GAP:
-        return 0.5
-    return Unread("bits: gap between dark and light", gap, LEAST_GAP)
+def _blur(count: int, k: int, sigma: float) -> FloatRows:
+    """(count, count + 2 k) the weights with which a point spread adds up samples."""
+    away = np.arange(count + 2 * k) - k - np.arange(count)[:, None]
+    weights = np.exp(-0.5 * (away / sigma) ** 2) * (np.abs(away) <= k)
+    found: FloatRows = weights / weights.sum(axis=1, keepdims=True)
+    return found
 
 
 def _turned(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,9 @@ from obseq.errors import InputError
 from obseq.targets.measures import UNCODED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, FloatRows
     from obseq.geometry import RigidMotion
     from obseq.images import Camera, ControlPoints
     from obseq.targets.measures import Measure
@@ -78,3 +79,71 @@ def completed(
         if away[row, spot] <= threshold and int(np.argmin(away[:, spot])) == row:
             found[spots[spot]] = replace(found[spots[spot]], point=points.names[k])
     return found
+
+
+HORIZONTAL = np.array([0.0, 0.0, 1.0])
+"""Normal of the circles that the original corrects."""
+SAME = 1e-3
+"""Pixels within which a measure is the centre of its ellipse; else it is the true one already."""
+AROUND = 48
+"""Places of an ellipse that are carried to its plane."""
+
+
+def radii_of(
+    measures: Sequence[Measure],
+    ellipses: Mapping[str, tuple[FloatArray, FloatRows]],
+    camera: Camera,
+    pose: RigidMotion,
+    points: ControlPoints,
+) -> list[float]:
+    """The radii of the horizontal circles that the ellipses around known points are."""
+    turns = np.arange(AROUND) * (2.0 * np.pi / AROUND)
+    circle = np.column_stack((np.cos(turns), np.sin(turns)))
+    found = []
+    for _, place, (centre, shape) in _on_ellipses(measures, ellipses, points):
+        rays = camera.directions(centre + circle @ np.linalg.cholesky(shape).T) @ pose.rotation.T
+        away = pose.centre + rays * ((place - pose.centre)[2] / rays[:, 2:])
+        x, y = (away - away.mean(axis=0))[:, :2].T
+        area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+        found.append(math.sqrt(area / (0.5 * AROUND * math.sin(2.0 * math.pi / AROUND))))
+    return found
+
+
+def refined(
+    measures: Sequence[Measure],
+    ellipses: Mapping[str, tuple[FloatArray, FloatRows]],
+    camera: Camera,
+    pose: RigidMotion,
+    points: ControlPoints,
+    radius: float,
+) -> list[Measure]:
+    """Measures of one image, with the true centres of horizontal circles where they were those of ellipses.
+
+    Args:
+        measures: of the image.
+        ellipses: of its central figures, by name.
+        camera: of the image.
+        pose: of the image: `X_world = centre + rotation x_camera`.
+        points: in the world.
+        radius: of the circles, in the unit of the points.
+    """
+    found = list(measures)
+    normal = HORIZONTAL @ pose.rotation
+    for k, place, _ in _on_ellipses(measures, ellipses, points):
+        off = eccentricity(camera, (place - pose.centre) @ pose.rotation, normal, radius)
+        found[k] = replace(found[k], xy=found[k].xy - off)
+    return found
+
+
+def _on_ellipses(
+    measures: Sequence[Measure],
+    ellipses: Mapping[str, tuple[FloatArray, FloatRows]],
+    points: ControlPoints,
+) -> Iterator[tuple[int, FloatArray, tuple[FloatArray, FloatRows]]]:
+    """The measures of known points that are centres of ellipses: number, point, and ellipse."""
+    known = dict(zip(points.names, points.coordinates, strict=True))
+    for k, one in enumerate(measures):
+        if one.point in known and one.point in ellipses:
+            ellipse = ellipses[one.point]
+            if np.abs(one.xy - ellipse[0]).max() < SAME:
+                yield k, known[one.point], ellipse

@@ -12,6 +12,18 @@ if TYPE_CHECKING:
 
 RING = 24
 """Places on a circle around a saddle, or on an ellipse around a spot."""
+NEAREST, SURELY = 1.5, 4.0
+"""Pixels from a saddle between which the contrast beside its lines is taken: the smallest disc is larger."""
+BESIDE, BESIDE_SHARE = 1.0, 0.06
+"""Pixels from a line to where both sides are looked at, and what is added on the way for its direction."""
+NARROWEST = 0.25
+"""Radians of the narrowest quadrant: a tilt of 80 degrees."""
+INSIDE = 0.8
+"""Share of a disc within which circles see its lines only."""
+BEYOND = 0.35
+"""Steps by which the contrast falls short of half, after which a line has ended: it may begin again soon."""
+UNLIKELY = 5.0
+"""And the likelihood ratio, its logarithm, by which noise alone does not make it end."""
 
 
 @compiled
@@ -178,164 +190,152 @@ def _alternates(
 
 
 @compiled
-def crossings(image: FloatRows, sign: float, radii: FloatArray, found: FloatRows, angles: FloatRows) -> None:
-    """The directions of the two lines that cross at saddles.
-
-    On circles of growing radius, as long as light and dark alternate four times, the angles at which light
-    turns dark, and those at which dark turns light, are averaged with their doubles: half turns are alike.
-
-    Args:
-        image: (height, width).
-        sign: 1, or -1 for light and dark exchanged.
-        radii: (n,) of the circles, pixels.
-        found: (n, 5) as `saddles` writes them.
-        angles: (n, 2) written: where light turns dark, clockwise on the page, and by how much further dark
-            turns light; not a number where no lines cross.
-    """
-    height, width = image.shape
-    for n in range(len(found)):
-        x, y, middle = found[n, 0], found[n, 1], 0.5 * (found[n, 3] + found[n, 4])
-        falls_x = falls_y = rises_x = rises_y = 0.0
-        used = 0
-        for m in range(len(radii)):
-            radius = radii[m]
-            if x < radius or y < radius or x > width - 1 - radius or y > height - 1 - radius:
-                break
-            places = 2 * RING
-            changes = 0
-            fx = fy = rx = ry = 0.0
-            last = sign * (between(image, x + radius, y) - middle)
-            for k in range(1, places + 1):
-                turn = 2.0 * math.pi * k / places
-                value = between(image, x + radius * math.cos(turn), y + radius * math.sin(turn))
-                value = sign * (value - middle)
-                if (value > 0.0) != (last > 0.0):
-                    changes += 1
-                    angle = 2.0 * (turn - 2.0 * math.pi / places * value / (value - last))
-                    if last > 0.0:
-                        fx += math.cos(angle)
-                        fy += math.sin(angle)
-                    else:
-                        rx += math.cos(angle)
-                        ry += math.sin(angle)
-                last = value
-            if changes != 4:
-                if used > 0 or radius > 3.0:
-                    break
-                continue
-            if fx * fx + fy * fy < 3.2 or rx * rx + ry * ry < 3.2:
-                break
-            falls_x += radius * fx
-            falls_y += radius * fy
-            rises_x += radius * rx
-            rises_y += radius * ry
-            used += 1
-        angles[n, 0] = angles[n, 1] = math.nan
-        if used > 0:
-            falls, rises = 0.5 * math.atan2(falls_y, falls_x), 0.5 * math.atan2(rises_y, rises_x)
-            span = rises - falls
-            span -= math.pi * math.floor(span / math.pi)
-            angles[n, 0], angles[n, 1] = falls, span
-
-
-@compiled
 def discs(
     image: FloatRows,
     sign: float,
-    parts: FloatArray,
+    noise: float,
+    radii: FloatArray,
     farthest: float,
     found: FloatRows,
-    work: FloatRows,
     shapes: FloatRows,
 ) -> None:
-    """The ellipses in which the dark quadrants around saddles end.
+    """The chequered discs around saddles.
 
-    An ellipse is `p' q p = 1` about the saddle, by least squares through the places where rays turn light;
-    those far from it are left out, twice. All of its quadrants must be as light and as dark as they should.
+    Along both lines that cross in a disc, one side is light and the other dark as far as the disc goes.
+    Beyond, the sheet is on both sides, also where bits are near to the disc. The four ends say where its
+    ellipse `p' q p = 1` is. All of its quadrants must be as light and as dark as they should.
 
     Args:
         image: (height, width).
         sign: 1, or -1 for light and dark exchanged.
-        parts: (k,) rays in a dark quadrant, in parts of it.
+        noise: standard deviation of a pixel.
+        radii: (k,) of the circles on which the lines are looked for, pixels.
         farthest: the end is not looked for farther off, pixels.
-        found: (n, 7): x, y, strength, dark and light level, the angle of the dark quadrant and its width.
-        work: (2 k, 3) work space.
-        shapes: (n, 3) written: q11, q12, q22; not a number where there is no such ellipse.
+        found: (n, 5) as `saddles` writes them.
+        shapes: (n, 5) written: where light turns dark, clockwise on the page, by how much further dark turns
+            light, q11, q12, q22; not a number where there is no such ellipse.
     """
     for n in range(len(found)):
         x, y, middle = found[n, 0], found[n, 1], 0.5 * (found[n, 3] + found[n, 4])
         shapes[n, 0] = math.nan
-        count = 0
-        for side in range(2):
-            for m in range(len(parts)):
-                turn = found[n, 5] + parts[m] * found[n, 6] + side * math.pi
-                u, v = math.cos(turn), math.sin(turn)
-                last, step = 0.0, 1.5
-                while step < farthest:
-                    value = sign * (between(image, x + step * u, y + step * v) - middle)
-                    if value >= 0.0 and last < 0.0:
-                        reach = step - 0.5 * value / (value - last)
-                        work[count, 0], work[count, 1], work[count, 2] = reach * u, reach * v, 1.0
-                        count += 1
-                        break
-                    last = value
-                    step += 0.5
-        if count < 1.4 * len(parts):
-            continue
-        a = b = c = 0.0
-        scatter = size = 0.0
-        is_ellipse = True
-        for _ in range(3):
-            a, b, c = _centred_conic(work, count)
-            if not (a > 0.0 and a * c - b * b > 0.0):
-                is_ellipse = False
+        first = second = begin = span = 0.0
+        reach = SURELY
+        for _ in range(2):
+            begin, span = _crossing(image, sign, x, y, middle, radii, reach)
+            if not NARROWEST < span < math.pi - NARROWEST:
                 break
-            size = 1.0 / math.sqrt(math.sqrt(a * c - b * b))
-            scatter = weight = 0.0
-            for k in range(count):
-                p, q = work[k, 0], work[k, 1]
-                radius = math.sqrt(a * p * p + 2.0 * b * p * q + c * q * q)
-                away = abs(radius - 1.0) * math.sqrt(p * p + q * q) / radius
-                scatter += work[k, 2] * min(away, 3.0)
-                weight += work[k, 2]
-            scatter /= weight
-            for k in range(count):
-                p, q = work[k, 0], work[k, 1]
-                radius = math.sqrt(a * p * p + 2.0 * b * p * q + c * q * q)
-                away = abs(radius - 1.0) * math.sqrt(p * p + q * q) / radius
-                work[k, 2] = 1.0 if away < max(0.7, 2.0 * scatter) else 0.0
-        kept = 0.0
-        for k in range(count):
-            kept += work[k, 2]
-        if not is_ellipse or kept < 0.6 * count or size < 2.5 or scatter > 0.45 + size / 40.0:
+            first = _length(image, sign, noise, x, y, begin, farthest)
+            second = _length(image, -sign, noise, x, y, begin + span, farthest)
+            reach = INSIDE * min(first, second)
+        if not (NARROWEST < span < math.pi - NARROWEST and first > 2.5 and second > 2.5):
             continue
-        if _has_quadrants(image, sign, x, y, found[n, 5], found[n, 6], a, b, c):
-            shapes[n, 0], shapes[n, 1], shapes[n, 2] = a, b, c
+        p, q = first * math.cos(begin), first * math.sin(begin)
+        u, v = second * math.cos(begin + span), second * math.sin(begin + span)
+        whole = (p * v - q * u) ** 2
+        a, b, c = (q * q + v * v) / whole, -(p * q + u * v) / whole, (p * p + u * u) / whole
+        if _has_quadrants(image, sign, x, y, begin, span, a, b, c):
+            shapes[n, 0], shapes[n, 1] = begin, span
+            shapes[n, 2], shapes[n, 3], shapes[n, 4] = a, b, c
 
 
 @compiled
-def _centred_conic(work: FloatRows, count: int) -> tuple[float, float, float]:
-    """The conic `a x^2 + 2 b x y + c y^2 = 1` through points (x, y, weight) by least squares."""
-    n11 = n12 = n13 = n22 = n23 = n33 = r1 = r2 = r3 = 0.0
-    for k in range(count):
-        x, y, w = work[k, 0], work[k, 1], work[k, 2]
-        f, g, h = x * x, 2.0 * x * y, y * y
-        n11 += w * f * f
-        n12 += w * f * g
-        n13 += w * f * h
-        n22 += w * g * g
-        n23 += w * g * h
-        n33 += w * h * h
-        r1 += w * f
-        r2 += w * g
-        r3 += w * h
-    c11, c12, c13 = n22 * n33 - n23 * n23, n13 * n23 - n12 * n33, n12 * n23 - n13 * n22
-    whole = n11 * c11 + n12 * c12 + n13 * c13
-    c22, c23, c33 = n11 * n33 - n13 * n13, n12 * n13 - n11 * n23, n11 * n22 - n12 * n12
-    a = (c11 * r1 + c12 * r2 + c13 * r3) / whole
-    b = (c12 * r1 + c22 * r2 + c23 * r3) / whole
-    c = (c13 * r1 + c23 * r2 + c33 * r3) / whole
-    return a, b, c
+def _crossing(
+    image: FloatRows, sign: float, x: float, y: float, middle: float, radii: FloatArray, reach: float
+) -> tuple[float, float]:
+    """The directions of the two lines that cross at a saddle: the first, and the angle between them.
+
+    On circles of growing radius, as long as light and dark alternate four times, the angles at which light
+    turns dark, and those at which dark turns light, are averaged with their doubles: half turns are alike.
+    The angle between them is 0 where no lines cross.
+    """
+    height, width = image.shape
+    falls_x = falls_y = rises_x = rises_y = 0.0
+    used = 0
+    for radius in radii:
+        if x < radius or y < radius or x > width - 1 - radius or y > height - 1 - radius:
+            break
+        if used > 0 and radius > reach:
+            break
+        changes = 0
+        fx = fy = rx = ry = 0.0
+        last = sign * (between(image, x + radius, y) - middle)
+        for k in range(1, 2 * RING + 1):
+            turn = math.pi * k / RING
+            value = between(image, x + radius * math.cos(turn), y + radius * math.sin(turn))
+            value = sign * (value - middle)
+            if (value > 0.0) != (last > 0.0):
+                changes += 1
+                angle = 2.0 * (turn - math.pi / RING * value / (value - last))
+                if last > 0.0:
+                    fx += math.cos(angle)
+                    fy += math.sin(angle)
+                else:
+                    rx += math.cos(angle)
+                    ry += math.sin(angle)
+            last = value
+        if changes != 4:
+            if used > 0 or radius > 3.0:
+                break
+            continue
+        if fx * fx + fy * fy < 3.2 or rx * rx + ry * ry < 3.2:
+            break
+        falls_x += radius * fx
+        falls_y += radius * fy
+        rises_x += radius * rx
+        rises_y += radius * ry
+        used += 1
+    if used == 0:
+        return 0.0, 0.0
+    falls, rises = 0.5 * math.atan2(falls_y, falls_x), 0.5 * math.atan2(rises_y, rises_x)
+    span = rises - falls
+    return falls, span - math.pi * math.floor(span / math.pi)
+
+
+@compiled
+def _length(
+    image: FloatRows, sign: float, noise: float, x: float, y: float, angle: float, farthest: float
+) -> float:
+    """How far light and dark lie beside a line through a saddle, the mean of both ways; 0 for no end.
+
+    Of all ends, the one at which the contrast in front of it exceeds half of that at the saddle most, and
+    that beyond falls short of it.
+
+    Args:
+        image: (height, width).
+        sign: 1 where growing angles are dark, -1 where they are light.
+        noise: standard deviation of a pixel.
+        x: of the saddle.
+        y: likewise.
+        angle: of the line.
+        farthest: the end is not looked for farther off, pixels.
+    """
+    total = 0.0
+    for way in range(2):
+        turn = angle + way * math.pi
+        u, v = math.cos(turn), math.sin(turn)
+        height, seen, excess, most, end = 0.0, 0, 0.0, 0.0, 0.0
+        step = NEAREST
+        while step < farthest:
+            aside = BESIDE + BESIDE_SHARE * step
+            p, q = x + step * u, y + step * v
+            dark = between(image, p - aside * v, q + aside * u)
+            contrast = sign * (between(image, p + aside * v, q - aside * u) - dark)
+            if step < SURELY:
+                height += contrast
+                seen += 1
+                excess = 0.5 * height
+                most, end = excess, step
+            else:
+                excess += contrast - 0.5 * height / seen
+                if excess > most:
+                    most, end = excess, step
+                elif excess < most - BEYOND * height / seen - UNLIKELY * noise * noise * seen / height:
+                    break
+            step += 0.5
+        if step >= farthest or height <= 0.0:
+            return 0.0
+        total += end + 0.25
+    return 0.5 * total
 
 
 @compiled

@@ -46,6 +46,11 @@ def inked_bits(spec: Specification, code: int) -> int:
     return code if spec.geometry.zero_is_sheet else code ^ ((1 << spec.bits) - 1)
 
 
+def bits_drawn(spec: Specification, code: int) -> FloatArray:
+    """(bits,) 1 where a bit of a code has ink, 0 where it has none."""
+    return np.array([inked_bits(spec, code) >> bit & 1 for bit in range(spec.bits)], dtype=float)
+
+
 def draw(spec: Specification, name: str, *, legend: bool = True) -> Array:
     """The drawing of a target, reduced.
 
@@ -96,26 +101,6 @@ def bit_centres(spec: Specification) -> FloatRows:
     sums = np.zeros((spec.bits, 3))
     bit_sums(figure_of(spec), spec.bits, _grid(spec), raster.width, raster.height, sums)
     return sums[:, 1:] / sums[:, :1] / REDUCTION
-
-
-def bit_places(spec: Specification) -> FloatRows:
-    """(bits, 9, 2) places in the middle part of each bit, where it is read; units."""
-    begin, end, _, _ = spec.geometry.radii
-    parts = np.array([-0.2, 0.0, 0.2])
-    found = np.empty((spec.bits, 9, 2))
-    for bit in range(spec.bits):
-        if spec.geometry.in_rows:
-            left, low, right, high = row_box(spec, bit)
-            x = 0.5 * (left + right) + parts * (right - left)
-            y = 0.5 * (low + high) + parts * (high - low)
-            found[bit] = np.stack(np.meshgrid(x, y), axis=-1).reshape(9, 2)
-        else:
-            step = 2.0 * math.pi / spec.bits * (1.0 if spec.geometry.grows else -1.0)
-            turns = spec.geometry.angle + step * (bit + 0.5 + parts)
-            radii = 0.5 * (begin + end) + parts * (end - begin)
-            turn, radius = (values.ravel() for values in np.meshgrid(turns, radii))
-            found[bit] = np.column_stack((radius * np.cos(turn), radius * np.sin(turn)))
-    return found
 
 
 def row_box(spec: Specification, bit: int) -> tuple[float, float, float, float]:

@@ -10,19 +10,20 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.targets.candidates import find_discs, find_spots
-from obseq.targets.chequers import chequered_disc, read_bits
+from obseq.targets.chequers import EITHER, bit_ink, chequered_disc, read_bits
+from obseq.targets.covering import Covering, covered_by
 from obseq.targets.distortion import with_one_distortion
-from obseq.targets.drawings import bit_places
+from obseq.targets.drawings import bits_drawn
 from obseq.targets.levels import levels_of
 from obseq.targets.measuring import Drawings, fit_drawing
 from obseq.targets.rings import Reading, Unread, read_ring, spot_ellipse
 from obseq.targets.specification import extent
-from obseq.targets.zones import worst_zone
+from obseq.targets.zones import worst_quadrant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
+    from obseq.arrays import Array, FloatArray, FloatRows
     from obseq.targets.fits import Fit, Placed
     from obseq.targets.levels import Level
     from obseq.targets.specification import Specification
@@ -38,7 +39,9 @@ SPOT_LIKE = 0.97
 FLAT = 1e7
 """Focal length for spots, pixels: one says nothing of its perspective, what is measured is its ellipse."""
 INSIDE = 0.6
-"""Half widths of a sheet within which nothing else is looked for."""
+"""Share of a sheet within which nothing else is looked for: of what overlaps, the best is kept at last."""
+SPOT = np.array([-1.0, 1.0, -1.0, 1.0])
+"""Edges around a spot without code, units, within which no other is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,33 +50,39 @@ class Target:
 
     Attributes:
         name: of the specification; empty for a spot without code.
-        family: of its set.
+        spec: its set.
         fit: of its drawing: place, covariance, light.
         margins: (bits,) distance of each bit from the middle, in half contrasts; none without code.
         corrected: bits that were read otherwise.
-        ellipse: (2,) centre of the ellipse that the central figure's edge is in the image, pixels.
         oddest: largest difference of a part of it from the drawing, in contrasts.
-        width: what is called its size, units: across its code, or the height of a sheet with rows.
     """
 
     name: str
-    family: str
+    spec: Specification
     fit: Fit
     margins: FloatArray
     corrected: int
-    ellipse: FloatArray
     oddest: float
-    width: float
+
+    @property
+    def family(self) -> str:
+        """Of its set."""
+        return self.spec.family
 
     @property
     def size(self) -> float:
-        """Pixels across its code, as seen from the front."""
-        return self.width * float(np.linalg.svd(self.fit.placed.matrix, compute_uv=False)[0])
+        """Pixels across its code, as seen from the front; the height of a sheet with rows."""
+        return extent(self.spec) * float(np.linalg.svd(self.fit.placed.matrix, compute_uv=False)[0])
 
     @property
     def centre(self) -> FloatArray:
         """(2,) image of the centre, pixels."""
         return self.fit.placed.centre
+
+    @property
+    def ellipse(self) -> FloatArray:
+        """(2,) centre of the ellipse that the central figure's edge is in the image, pixels."""
+        return self.fit.placed.ellipse[0]
 
     @property
     def covariance(self) -> FloatRows:
@@ -157,7 +166,6 @@ class _Set:
     def __init__(self, spec: Specification) -> None:
         self.spec = spec
         self.drawings = Drawings(spec)
-        self.places = bit_places(spec)
         self.is_chequered = spec.geometry.is_chequered
         self.sign = 1.0 if spec.geometry.is_white == self.is_chequered else -1.0
         """1 where a white sheet has black quadrants, or a black one white spots."""
@@ -172,7 +180,7 @@ class _Search:
         self.targets: list[Target] = []
         self.plain: list[Target] = []
         self.refused: list[Refusal] = []
-        self._taken = np.empty((0, 3))
+        self._taken = Covering()
 
     def rings(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
         """Looks for ring targets."""
@@ -197,14 +205,10 @@ class _Search:
 
     def chequers(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
         """Looks for chequered targets."""
-        for in_rows in (False, True):
-            alike = [one for one in sets if one.spec.geometry.in_rows == in_rows]
-            if not alike:
-                continue
-            for disc in self._free(level, find_discs(level, sign, in_rows)):
-                for one in alike:
-                    if self._chequered(level, one, disc):
-                        break
+        for disc in self._free(level, find_discs(level, sign)):
+            for one in sets:
+                if self._chequered(level, one, disc):
+                    break
 
     def _chequered(self, level: Level, one: _Set, found: FloatArray) -> bool:
         disc = chequered_disc(level, one.spec, found)
@@ -218,7 +222,7 @@ class _Search:
             return False
         if self._is_taken(fit.placed.centre):
             return True
-        readings = read_bits(self.image, one.spec, one.places, fit)
+        readings = read_bits(self.image, one.spec, fit)
         if isinstance(readings, Unread):
             self._refuse(fit.placed, readings)
             return False
@@ -237,14 +241,20 @@ class _Search:
         reading, fit = best
         if self._is_taken(fit.placed.centre):
             return True
-        likeness, oddest = fit.likeness_with(self.noise), worst_zone(one.spec, fit)
+        likeness, oddest = fit.likeness_with(self.noise), worst_quadrant(one.spec, fit)
+        ink = bit_ink(self.image, one.spec, fit.placed, fit)
+        if ink is None:
+            self._refuse(fit.placed, Unread("inside the image", 0.0, 1.0))
+            return False
+        reading = replace(reading, margins=2.0 * (ink - EITHER))
+        oddest = max(oddest, float(np.abs(ink - bits_drawn(one.spec, reading.code)).max()))
         if likeness < LIKE:
             self._refuse(fit.placed, Unread(f"{reading.name}: likeness", likeness, LIKE))
         elif oddest > ODD:
             self._refuse(fit.placed, Unread(f"{reading.name}: a part differs", oddest, ODD))
         else:
             self.targets.append(_target(one, reading, fit, oddest))
-            self._take(fit, one.spec.geometry.radii[3])
+            self._taken.add(fit.placed, INSIDE * np.array(one.spec.geometry.sheet))
             return True
         return False
 
@@ -254,23 +264,19 @@ class _Search:
             return
         reading = Reading(ellipse, "", -1, np.empty(0))
         self.plain.append(_target(one, reading, fit, 0.0))
-        self._take(fit, 1.5)
+        self._taken.add(fit.placed, SPOT)
 
     def _free(self, level: Level, candidates: FloatRows) -> Iterator[FloatArray]:
         """Candidates that no target covers."""
         places = level.in_image(candidates[:, :2])
-        away = ~_covered(self._taken, places) if len(self._taken) else np.ones(len(places), dtype=bool)
+        away = ~self._taken.covers(places)
         known = len(self._taken)
         for candidate, place in zip(candidates[away], places[away], strict=True):
-            if not _covered(self._taken[known:], place[None])[0]:
+            if not self._taken.covers(place[None], known)[0]:
                 yield candidate
 
     def _is_taken(self, place: FloatArray) -> bool:
-        return bool(_covered(self._taken, place[None])[0])
-
-    def _take(self, fit: Fit, half_width: float) -> None:
-        reach = INSIDE * half_width * fit.placed.unit
-        self._taken = np.vstack((self._taken, [*fit.placed.centre, reach]))
+        return bool(self._taken.covers(place[None])[0])
 
     def _refuse(self, placed: Placed, why: Unread) -> None:
         x, y = placed.centre.tolist()
@@ -280,12 +286,16 @@ class _Search:
         """What was found; of two targets of one name, that whose drawing fits better."""
         best: dict[str, Target] = {}
         for target in sorted(self.targets, key=lambda target: -target.fit.likeness):
-            other = best.setdefault(target.name, target)
-            if other is not target:
-                why = Unread(
-                    f"{target.name}: likeness, less than another's", target.fit.likeness, other.fit.likeness
-                )
-                self._refuse(target.fit.placed, why)
+            same = best.get(target.name) or next(
+                (other for other in best.values() if _overlap(target, other)), None
+            )
+            if same is None:
+                best[target.name] = target
+                continue
+            stage = f"{target.name}: likeness, less than that of {same.name} " + (
+                "elsewhere" if same.name == target.name else "at the same place"
+            )
+            self._refuse(target.fit.placed, Unread(stage, target.fit.likeness, same.fit.likeness))
         fits = with_one_distortion([one.fit for one in self.targets], self.image.shape, self.focal)
         better = {id(one): replace(one, fit=fit) for one, fit in zip(self.targets, fits, strict=True)}
         best = {name: better[id(one)] for name, one in best.items()}
@@ -293,32 +303,13 @@ class _Search:
         return Found([best[name] for name in sorted(best)], self.plain, refused)
 
 
-def _covered(taken: FloatRows, places: FloatRows) -> BoolArray:
-    """(n,) which places are inside one of the targets (k, 3): centre and reach."""
-    away = np.hypot(places[:, :1] - taken[:, 0], places[:, 1:] - taken[:, 1])
-    return np.asarray((away < taken[:, 2]).any(axis=1))
-
-
 def _target(one: _Set, reading: Reading, fit: Fit, oddest: float) -> Target:
-    ellipse = ellipse_centre(fit.placed)
-    return Target(
-        reading.name,
-        one.spec.family,
-        fit,
-        reading.margins,
-        reading.corrected,
-        ellipse,
-        oddest,
-        extent(one.spec),
+    return Target(reading.name, one.spec, fit, reading.margins, reading.corrected, oddest)
+
+
+def _overlap(one: Target, other: Target) -> bool:
+    """Whether the centre of one target lies on the sheet of another."""
+    return any(
+        covered_by(a.fit.placed, np.array(a.spec.geometry.sheet), b.centre[None])[0]
+        for a, b in ((one, other), (other, one))
     )
-
-
-def ellipse_centre(placed: Placed) -> FloatArray:
-    """(2,) centre of the image of the unit circle, pixels: that of the circle moves off with the perspective.
-
-    The circle's dual conic is diag(1, 1, -1); its image's centre is the pole of the line at infinity.
-    """
-    g = placed.perspective
-    away = placed.matrix @ g / (1.0 - float(g @ g))
-    found: FloatArray = placed.centre - away
-    return found

@@ -47,6 +47,19 @@ class Placed:
         bent: FloatRows = (away * away).sum(axis=1)[:, None] * self.bend
         return self.centre + away + bent
 
+    @property
+    def ellipse(self) -> tuple[FloatArray, FloatRows]:
+        """The image of the unit circle: the centre of its ellipse, which is not the circle's, and its shape.
+
+        A place p on it has `(p - centre)' inverse(shape) (p - centre) = 1`. The dual conic of the circle is
+        diag(1, 1, -1); the centre of its image is the pole of the line at infinity.
+        """
+        g = self.perspective
+        denominator = 1.0 - float(g @ g)
+        away = -self.matrix @ g / denominator
+        shape: FloatRows = self.matrix @ self.matrix.T / denominator + np.outer(away, away)
+        return self.centre + away, shape
+
     def turned(self, turn: FloatRows) -> Placed:
         """The same for a drawing that is turned: its place m is where `turn @ m` was."""
         return Placed(self.centre, self.matrix @ turn, self.perspective @ turn, self.sigma, self.bend)

@@ -70,10 +70,6 @@ class Level:
         """Places of the level as places of the image, pixels."""
         return self.scale * places + 0.5 * (self.scale - 1.0)
 
-    def in_level(self, places: FloatArray) -> FloatArray:
-        """Places of the image as places of the level, pixels."""
-        return (places - 0.5 * (self.scale - 1.0)) / self.scale
-
     def tiles(self) -> Iterator[Tile]:
         """Parts that cover it."""
         height, width = self.image.shape

@@ -10,7 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images import ImagePoints
-from obseq.project.tree import tree_text
+from obseq.project.tree import Reader, read_tree, tree_text
 from obseq.reading.tables import Table
 from obseq.spreadsheets import csv_text
 
@@ -128,6 +128,74 @@ def mmvii_text(image: str, measures: Sequence[Measure]) -> str:
         for one in sorted(measures, key=lambda one: one.point)
     ]
     return tree_text("SetMesIm", {"NameIm": image, "Measures": entries})
+
+
+def attributes_text(found: Found) -> str:
+    """The file `Attribute-MesIm-<image>.xml`: ellipses of the central figures, and their grey levels."""
+    entries: list[Tree] = []
+    for name, target in named(found):
+        centre, shape = target.fit.placed.ellipse
+        inverse = np.linalg.inv(shape)
+        values, ways = np.linalg.eigh(shape)
+        entries.append(
+            {
+                "AffinIm2Ref": {"P0": (0.0, 0.0), "VX": (1.0, 0.0), "VY": (0.0, 1.0)},
+                "Ellipse": {
+                    "V": (*(float(inverse[k]) for k in ((0, 0), (0, 1), (1, 1))), 0.0, 0.0),
+                    "C0": _pair(centre),
+                    "GeomForComment": {
+                        "LengthGreatAxe": (math.sqrt(values[1]),),
+                        "LengthSmallAxe": (math.sqrt(values[0]),),
+                        "DirGreatAxe": _pair(ways[:, 1]),
+                    },
+                },
+                "NameCode": name,
+                "Black": (min(target.fit.offset, target.fit.offset + target.fit.gain),),
+                "White": (max(target.fit.offset, target.fit.offset + target.fit.gain),),
+            }
+        )
+    return tree_text("Attributes", entries)
+
+
+def _pair(values: FloatArray) -> tuple[float, ...]:
+    return float(values[0]), float(values[1])
+
+
+def read_ellipses(path: str | Path) -> dict[str, tuple[FloatArray, FloatRows]]:
+    """The ellipses of such a file, by name: centre (2,), and shape (2, 2) of `(p - c)' shape^-1 (p - c) = 1`.
+
+    Raises:
+        InputError: with file and field.
+    """
+    found: dict[str, tuple[FloatArray, FloatRows]] = {}
+    for number, entry in enumerate(Reader(read_tree(path), str(path)).list("Attributes"), 1):
+        fields = Reader(entry, f"{path}: entry {number}")
+        ellipse = fields.fields("Ellipse")
+        a, b, c, d, e = ellipse.numbers("V", 5)
+        matrix = np.array([[a, b], [b, c]])
+        if not np.linalg.det(matrix) > 0.0 or a <= 0.0:
+            raise InputError(f"{ellipse.where}: V is no ellipse")
+        away = np.linalg.solve(2.0 * matrix, [-d, -e])
+        shape = np.asarray(np.linalg.inv(matrix / (1.0 + float(away @ matrix @ away))), dtype=np.float64)
+        found[fields.text("NameCode")] = np.array(ellipse.numbers("C0", 2)) + away, shape
+    return found
+
+
+def read_mmvii(path: str | Path) -> list[Measure]:
+    """The measures of a file `MesIm-<image>.xml`, also of spots without code.
+
+    Raises:
+        InputError: with file and field.
+    """
+    whole = Reader(read_tree(path), str(path)).fields("SetMesIm")
+    image = whole.text("NameIm")
+    found = []
+    for number, entry in enumerate(whole.list("Measures"), 1):
+        fields = Reader(entry, f"{path}: entry {number}")
+        sigma = fields.numbers("Sigma2", 3) if fields.has("Sigma2") else (1.0, 0.0, 1.0)
+        values = np.array([*fields.numbers("Pt", 2), *sigma], dtype=float)
+        found.append(_measure(fields.where, image, fields.text("Name"), values))
+    return found
 
 
 def measures_of(found: Mapping[str, Found], *, of_ellipse: bool = False) -> list[Measure]:

@@ -47,6 +47,8 @@ LONGEST_STEP = 1.0
 """Pixels by which one step may move the centre: beyond, the drawing and its image do not overlap."""
 FEWEST = 40
 """Pixels of the smallest fit: twice its unknowns, and some."""
+LATTICES = ((13, 8), (8, 5))
+"""Places in a pixel where the drawing is looked at, for small and for large targets; and their generators."""
 BEND_PRIOR = 0.1
 """Sigma of the bend, over the focal length: a distortion k of 0.2 at half a focal length from the middle."""
 MATRIX_PRIOR = 0.3
@@ -212,16 +214,16 @@ class _Iteration:
                 return None
             last = observations, jacobian, residuals, normal
             moved = math.hypot(*change[CENTRE])
-            if moved < ARRIVED and step > 1:
-                break
             self._apply(change, moved)
             if not self._is_sound():
                 return None
+            if moved < ARRIVED and step > 1:
+                break
         return None if last is None else self._fit(*last)
 
     def _set_window(self, region: Region) -> bool:
         """Takes the part of the image where the drawing lies; False when it is not inside."""
-        corners = _outer_places(region)
+        corners = outer_places(region)
         pixels = self.placed.pixels(corners)
         low, high = np.floor(pixels.min(axis=0)) - 1, np.ceil(pixels.max(axis=0)) + 1
         height, width = self.image.shape
@@ -242,10 +244,10 @@ class _Iteration:
         k = taps.shape[1] // 2
         height, width = self.window.shape
         sharp = np.empty((height + 2 * k, width + 2 * k))
-        samples = 3 if self.start.unit < 40 else 2
+        lattice = LATTICES[self.start.unit > 40]
         u = self.unknowns
         place = np.concatenate([u[CENTRE], u[MATRIX], u[PERSPECTIVE], u[BEND]])
-        render(self.table, self.grid, place, self.corner - k, samples, sharp)
+        render(self.table, self.grid, place, self.corner - k, *lattice, sharp)
         model = np.empty((4, height, width))
         spread(sharp, taps, np.empty((3, height + 2 * k, width)), model)
         rows = np.empty((height * width, 9))
@@ -337,7 +339,7 @@ class _Iteration:
         )
 
 
-def _outer_places(region: Region) -> FloatRows:
+def outer_places(region: Region) -> FloatRows:
     """(k, 2) places around the drawing: the window holds them."""
     turns = np.arange(24) * (2.0 * math.pi / 24)
     radius = region.radius / math.cos(math.pi / 24)

@@ -40,34 +40,23 @@ class Figure(NamedTuple):
 
 
 @compiled
-def bit_at(
-    x: float,
-    y: float,
-    bits: int,
-    begin: float,
-    end: float,
-    half_width: float,
-    angle: float,
-    grows: bool,
-    in_rows: bool,
-    at_top: bool,
-    forwards: bool,
-) -> int:
+def bit_of(figure: Figure, bits: int, x: float, y: float) -> int:
     """Which bit has ink at a place when it is 1; -1 where none has."""
-    if in_rows:
-        if y <= half_width and (at_top or y >= -half_width):
+    half_width = figure.half_width
+    if figure.in_rows:
+        if y <= half_width and (figure.at_top or y >= -half_width):
             return -1
         half = bits // 2
-        is_second = y > half_width * (1.0 + ROWS_APART) if at_top else y > 0.0
+        is_second = y > half_width * (1.0 + ROWS_APART) if figure.at_top else y > 0.0
         column = math.floor((x + half_width) / (2.0 * half_width) * half)
-        if is_second and not at_top and not forwards:
+        if is_second and not figure.at_top and not figure.forwards:
             column = half - 1 - column
         column = min(max(column, 0), half - 1)
         return column + half if is_second else column
     r = math.sqrt(x * x + y * y)
-    if r < begin or r >= end:
+    if r < figure.begin or r >= figure.end:
         return -1
-    turn = (math.atan2(y, x) - angle) * (1.0 if grows else -1.0)
+    turn = (math.atan2(y, x) - figure.angle) * (1.0 if figure.grows else -1.0)
     place = bits * turn / TURN
     place -= bits * math.floor(place / bits)
     return min(math.floor(place), bits - 1)
@@ -76,19 +65,7 @@ def bit_at(
 @compiled
 def ink_at(figure: Figure, bits: int, code: int, x: float, y: float) -> float:
     """1 where ink is, 0 where the sheet shows; the sheet has no end and no legend."""
-    bit = bit_at(
-        x,
-        y,
-        bits,
-        figure.begin,
-        figure.end,
-        figure.half_width,
-        figure.angle,
-        figure.grows,
-        figure.in_rows,
-        figure.at_top,
-        figure.forwards,
-    )
+    bit = bit_of(figure, bits, x, y)
     if bit >= 0:
         return 1.0 if (code >> bit) & 1 else 0.0
     square = x * x + y * y
@@ -163,19 +140,7 @@ def bit_sums(figure: Figure, bits: int, place: FloatArray, width: int, height: i
     for j in range(height):
         y = (j - place[1]) / place[2]
         for i in range(width):
-            bit = bit_at(
-                (i - place[0]) / place[2],
-                y,
-                bits,
-                figure.begin,
-                figure.end,
-                figure.half_width,
-                figure.angle,
-                figure.grows,
-                figure.in_rows,
-                figure.at_top,
-                figure.forwards,
-            )
+            bit = bit_of(figure, bits, (i - place[0]) / place[2], y)
             if bit >= 0:
                 out[bit, 0] += 1.0
                 out[bit, 1] += i

@@ -11,9 +11,13 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.compilation import compiled
+from obseq.targets.painting import Figure, bit_of, ink_at
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatCubes, FloatRows, IntArray
+
+NEAREST = 0.1
+"""Least depth of a place of the drawing, over that of its centre."""
 
 
 class Region(NamedTuple):
@@ -70,8 +74,27 @@ def table_at(table: FloatRows, grid: FloatArray, x: float, y: float) -> float:
 
 
 @compiled
+def drawn_at(place: FloatArray, x: float, y: float) -> tuple[float, float, float]:
+    """Where in the drawing a pixel lies, and its depth over that of the centre: behind the camera below 0."""
+    a, b, c, d = place[2], place[3], place[4], place[5]
+    whole = a * d - b * c
+    u, v = x - place[0], y - place[1]
+    square = u * u + v * v
+    p, q = u - square * place[8], v - square * place[9]
+    x, y = (d * p - b * q) / whole, (a * q - c * p) / whole
+    depth = 1.0 - place[6] * x - place[7] * y
+    return x / depth, y / depth, depth
+
+
+@compiled
 def render(
-    table: FloatRows, grid: FloatArray, place: FloatArray, corner: FloatArray, samples: int, out: FloatRows
+    table: FloatRows,
+    grid: FloatArray,
+    place: FloatArray,
+    corner: FloatArray,
+    samples: int,
+    generator: int,
+    out: FloatRows,
 ) -> None:
     """The drawing as a camera without blur sees it: the mean over each pixel.
 
@@ -80,26 +103,21 @@ def render(
         grid: (3,) column and line of the middle of the figure in the table, and cells in a unit.
         place: (10,).
         corner: (2,) of the window.
-        samples: across a pixel.
+        samples: in a pixel.
+        generator: of their lattice: each has its own column and line, so that edges along those of the image
+            are not seen in steps.
         out: (height, width) written.
     """
-    a, b, c, d = place[2], place[3], place[4], place[5]
-    whole = a * d - b * c
-    step, first = 1.0 / samples, 0.5 / samples - 0.5
     for j in range(out.shape[0]):
         for i in range(out.shape[1]):
             total = 0.0
             for k in range(samples):
-                v = corner[1] + j + first + k * step - place[1]
-                for n in range(samples):
-                    u = corner[0] + i + first + n * step - place[0]
-                    square = u * u + v * v
-                    p, q = u - square * place[8], v - square * place[9]
-                    x, y = (d * p - b * q) / whole, (a * q - c * p) / whole
-                    depth = 1.0 - place[6] * x - place[7] * y
-                    if depth > 0.1:
-                        total += table_at(table, grid, x / depth, y / depth)
-            out[j, i] = total / (samples * samples)
+                u = corner[0] + i + (k + 0.5) / samples - 0.5
+                v = corner[1] + j + ((k * generator) % samples + 0.5) / samples - 0.5
+                x, y, depth = drawn_at(place, u, v)
+                if depth > NEAREST:
+                    total += table_at(table, grid, x, y)
+            out[j, i] = total / samples
 
 
 @compiled
@@ -161,21 +179,11 @@ def observe(
         pixels: (most,) written: where in the window each row is.
         out: (most, 9) written.
     """
-    a, b, c, d = place[2], place[3], place[4], place[5]
-    whole = a * d - b * c
     n = 0
     for j in range(window.shape[0]):
-        v = corner[1] + j - place[1]
         for i in range(window.shape[1]):
-            u = corner[0] + i - place[0]
-            square = u * u + v * v
-            p, q = u - square * place[8], v - square * place[9]
-            x, y = (d * p - b * q) / whole, (a * q - c * p) / whole
-            depth = 1.0 - place[6] * x - place[7] * y
-            if depth < 0.1:
-                continue
-            x, y = x / depth, y / depth
-            if not counts(region, x, y):
+            x, y, depth = drawn_at(place, corner[0] + i, corner[1] + j)
+            if depth < NEAREST or not counts(region, x, y):
                 continue
             gain = light[0] + light[2] * x + light[3] * y
             pixels[n] = j * window.shape[1] + i
@@ -187,3 +195,41 @@ def observe(
             out[n, 8] = sigma * model[3, j, i]
             n += 1
     return n
+
+
+@compiled
+def layers(
+    figure: Figure, bits: int, region: Region, place: FloatArray, samples: int, out: FloatCubes
+) -> None:
+    """The share of each pixel that each bit may ink, that the figure inks, and that is beyond the sheet.
+
+    Args:
+        figure: the target.
+        bits: of its code.
+        region: which places count; it ends where the sheet does.
+        place: (10,) in the window.
+        samples: across a pixel.
+        out: (bits + 6, height, width) written: bits, figure, beyond the left, right, upper and lower edge,
+            and 1 where a pixel counts.
+    """
+    step, first, part = 1.0 / samples, 0.5 / samples - 0.5, 1.0 / (samples * samples)
+    out[:] = 0.0
+    for j in range(out.shape[1]):
+        for i in range(out.shape[2]):
+            x, y, depth = drawn_at(place, i, j)
+            out[bits + 5, j, i] = 1.0 if depth > NEAREST and counts(region, x, y) else 0.0
+            for k in range(samples * samples):
+                x, y, depth = drawn_at(
+                    place, i + first + (k % samples) * step, j + first + (k // samples) * step
+                )
+                bit = bit_of(figure, bits, x, y)
+                if depth <= NEAREST:
+                    continue
+                if abs(x) > region.half_width:
+                    out[bits + (1 if x < 0.0 else 2), j, i] += part
+                elif y < region.top or y > region.bottom:
+                    out[bits + (3 if y < 0.0 else 4), j, i] += part
+                elif bit >= 0:
+                    out[bit, j, i] += part
+                else:
+                    out[bits, j, i] += part * ink_at(figure, bits, 0, x, y)

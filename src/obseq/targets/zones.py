@@ -1,4 +1,4 @@
-"""The parts of a target: quadrants of its figure, the ring around it, and its bits."""
+"""The quadrants of a figure and of what is around it: whether one of them differs from the drawing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatRows, IntArray
     from obseq.targets.fits import Fit
     from obseq.targets.specification import Specification
 
@@ -17,30 +16,14 @@ FEWEST = 3
 QUADRANTS = 4
 
 
-def zones_of(spec: Specification, places: FloatRows) -> IntArray:
-    """(n,) the part that each place (n, 2) of the drawing belongs to: bits first, quadrants, ring around."""
-    geometry = spec.geometry
-    begin, _, _, half_width = geometry.radii
-    x, y = places.T
+def worst_quadrant(spec: Specification, fit: Fit) -> float:
+    """The largest mean difference of a quadrant from the drawing, in contrasts."""
+    x, y = fit.places.T
     radius = np.hypot(x, y)
-    turn = np.arctan2(y, x) - geometry.angle
-    quadrant = np.floor(turn / (0.5 * math.pi)).astype(np.int64) % QUADRANTS
-    found = spec.bits + quadrant + QUADRANTS * (radius > 1.0)
-    if geometry.in_rows:
-        half = spec.bits // 2
-        column = np.clip(np.floor((x + half_width) / (2.0 * half_width) * half).astype(np.int64), 0, half - 1)
-        second = y > half_width * (1.0 + math.sqrt(2.0) / 4.0) if geometry.at_top else y > 0.0
-        in_row = (y > half_width) | ((not geometry.at_top) & (y < -half_width))
-        return np.asarray(np.where(in_row, column + half * second, found))
-    bit = np.floor(spec.bits * (turn if geometry.grows else -turn) / (2.0 * math.pi)).astype(np.int64)
-    return np.asarray(np.where(radius > begin, bit % spec.bits, found))
-
-
-def worst_zone(spec: Specification, fit: Fit) -> float:
-    """The largest mean difference of a part from the drawing, in contrasts."""
-    zones = zones_of(spec, fit.places)
-    n = spec.bits + 2 * QUADRANTS
-    counts = np.bincount(zones, minlength=n)
-    sums = np.bincount(zones, weights=fit.residuals, minlength=n)
+    quadrant = np.floor((np.arctan2(y, x) - spec.geometry.angle) / (0.5 * math.pi)).astype(np.int64)
+    zones = quadrant % QUADRANTS + QUADRANTS * (radius > 1.0)
+    is_near = radius < spec.geometry.radii[0]
+    counts = np.bincount(zones[is_near], minlength=2 * QUADRANTS)
+    sums = np.bincount(zones[is_near], weights=fit.residuals[is_near], minlength=2 * QUADRANTS)
     means = np.abs(sums) / np.maximum(counts, 1)
     return float(means[counts >= FEWEST].max(initial=0.0))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.formats.camera_terms import check_camera
+from obseq.formats.camera_terms import check_camera, check_cameras
 from obseq.geometry import exponential, logarithm
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.arrays import FloatArray, IntArray
+    from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.block import Block
 
 FLIP = np.array([1.0, -1.0, -1.0])
@@ -165,6 +166,16 @@ def block_of_cameras(
 def write_bal(block: Block, path: str | Path) -> None:
     """Writes a block of pinholes with two radial terms as a BAL file (see `bal_text`)."""
     write_text(path, bal_text(block))
+
+
+def bal_files(solution: BundleSolution, path: str | Path) -> dict[Path, str]:
+    """The file of a solution."""
+    return {Path(path): bal_text(solution.adjusted_block())}
+
+
+def check_block(block: Block) -> None:
+    """Refuses, before its adjustment, a block whose cameras BAL cannot hold."""
+    check_cameras(block, "BAL", RADIAL)
 
 
 def bal_text(block: Block) -> str:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.block import Block
     from obseq.images.bundle import BundleAdjustment
 
 
@@ -60,6 +62,40 @@ class BlockFormat:
         found = reader(path, **chosen)
         block: BundleAdjustment = found[0] if isinstance(found, tuple) else found
         return block
+
+
+@dataclass(frozen=True)
+class BlockWriter:
+    """A format that adjusted blocks are written in.
+
+    Attributes:
+        option: of the command, without dashes.
+        takes: `FILE` or `DIR`.
+        holds: what it is, for people.
+        module: with `check_block`, which refuses blocks that the format cannot hold before their adjustment,
+            and a function that gives the texts of the files.
+        function: its name; it takes a solution and a place.
+        names: files of a folder that there are in any case.
+    """
+
+    option: str
+    takes: str
+    holds: str
+    module: str
+    function: str
+    names: tuple[str, ...] = ()
+
+    def check(self, block: Block) -> None:
+        """Refuses a block that the format cannot hold."""
+        import_module(f"obseq.{self.module}").check_block(block)
+
+    def files(self, solution: BundleSolution, place: Path) -> dict[Path, str]:
+        """The texts of the files of a solution."""
+        return dict(getattr(import_module(f"obseq.{self.module}"), self.function)(solution, place))
+
+    def places(self, place: Path) -> list[Path]:
+        """Files that there will be in any case."""
+        return [place / name for name in self.names] or [place]
 
 
 IMAGE_SIGMA = ("image_sigma", "image_sigma")
@@ -112,5 +148,51 @@ BLOCKS = (
     BlockFormat("openmvg", "FILE", "a scene of OpenMVG (.json)", "formats.openmvg.reader:read_openmvg"),
     BlockFormat(
         "meshroom", "FILE", "a scene of Meshroom (.sfm, .json)", "formats.meshroom.reader:read_meshroom"
+    ),
+)
+
+WRITERS = (
+    BlockWriter(
+        "colmap-out",
+        "DIR",
+        "a sparse model of COLMAP, as text",
+        "formats.colmap.reader",
+        "colmap_files",
+        ("cameras.txt", "images.txt", "points3D.txt"),
+    ),
+    BlockWriter(
+        "opensfm-out",
+        "DIR",
+        "a reconstruction of OpenSfM, and its tracks",
+        "formats.opensfm.writer",
+        "opensfm_files",
+        ("reconstruction.json", "tracks.csv"),
+    ),
+    BlockWriter(
+        "metashape-out",
+        "FILE",
+        "cameras and markers of Metashape (XML)",
+        "formats.metashape.writer",
+        "metashape_files",
+    ),
+    BlockWriter(
+        "micmac-out",
+        "DIR",
+        "a folder of orientations of MicMac v1, measures and points in it",
+        "project.micmac_v1_writer",
+        "v1_files",
+        ("Measures-S2D.xml", "Points-S3D.xml"),
+    ),
+    BlockWriter(
+        "mmvii-out",
+        "DIR",
+        "a project of MMVII: orientations, measures and points, called Obseq",
+        "project.block_writer",
+        "mmvii_files",
+        ("MMVII-PhgrProj/ObjCoordWorld/Obseq/MesGCP-Obseq.xml",),
+    ),
+    BlockWriter("opk-out", "FILE", "poses: omega, phi, kappa", "formats.opk.reader", "opk_files"),
+    BlockWriter(
+        "bal-out", "FILE", "a problem of Bundle Adjustment in the Large", "formats.bal.reader", "bal_files"
     ),
 )

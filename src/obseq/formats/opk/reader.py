@@ -12,6 +12,7 @@ There is no standard: `check_convention` tells with one image and its measures w
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,9 +24,10 @@ from obseq.reading.tables import number_in, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-    from pathlib import Path
 
     from obseq.arrays import FloatArray
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.block import Block
     from obseq.images.camera import Camera
     from obseq.images.control import ControlPoints
     from obseq.images.measures import ImagePoints
@@ -183,6 +185,16 @@ def opk_text(poses: Poses) -> str:
         for name, centre, turn in zip(poses.images, poses.centres.tolist(), angles.tolist(), strict=True)
     ]
     return "# image X Y Z omega phi kappa (degrees; camera to world, y up, z backwards)\n" + "".join(rows)
+
+
+def opk_files(solution: BundleSolution, path: str | Path) -> dict[Path, str]:
+    """The file of the poses of a solution."""
+    return {Path(path): opk_text(solution.poses)}
+
+
+def check_block(block: Block) -> None:
+    """Refuses a block whose images have names that such a text cannot hold (see `check_names`)."""
+    check_names(block.camera_of)
 
 
 def _is_word(name: str) -> bool:

@@ -1,7 +1,7 @@
 """A wrong height of an antenna."""
 
 from obseq.survey.causes.cause import Cause
-from obseq.survey.causes.scopes import FROM, TO, VECTOR
+from obseq.survey.causes.scopes import FROM, FROM_IN_FILE, TO, TO_IN_FILE, VECTOR
 
 ANTENNA = Cause(
     "S171",
@@ -11,7 +11,7 @@ ANTENNA = Cause(
     "Look up the height in the field notes.",
     "m",
     1.0,
-    (VECTOR, FROM, TO),
+    (VECTOR, FROM, TO, FROM_IN_FILE, TO_IN_FILE),
     lambda notes: notes.is_vector,
     lambda effects: effects.upward,
 )

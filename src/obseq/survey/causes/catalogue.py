@@ -10,13 +10,14 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.survey.causes.registry import CAUSES
+from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 
 if TYPE_CHECKING:
-    from obseq.arrays import IntArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
     from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.causes.cause import Cause, Groups
+    from obseq.survey.adjustment.known_coordinates import KnownCoordinates
+    from obseq.survey.causes.cause import Cause, Groups, KnownCause
     from obseq.survey.causes.effects import Effects
     from obseq.survey.causes.notes import Notes
 
@@ -35,6 +36,7 @@ class Named:
         rows: Of the field book, that it concerns.
         known: Point and component (0 to 2) of the known coordinates that it concerns.
         cause: None for single observations and known coordinates.
+        of_known: A mistake that all known coordinates share; else None.
         groups, number: Where it stands among the groups of the cause.
     """
 
@@ -42,6 +44,7 @@ class Named:
     rows: IntArray
     known: tuple[tuple[int, int], ...] = ()
     cause: Cause | None = None
+    of_known: KnownCause | None = None
     groups: Groups | None = None
     number: int = 0
 
@@ -73,7 +76,8 @@ class Catalogue:
         self._column[self.rows] = np.arange(len(self.rows))
         self._single: list[tuple[Cause, Groups]] = []
         self._parts: list[tuple[Cause, Groups]] = []
-        self.hypotheses = Hypotheses([*self._alone(), *self._of_causes()])
+        self.of_known: list[tuple[KnownCause, IntArray]] = []
+        self.hypotheses = Hypotheses([*self._alone(), *self._of_causes(), *self._of_all_known()])
 
     def _alone(self) -> list[Family]:
         """Single observations, but components of vectors; known coordinates, and both in plan of a point."""
@@ -121,9 +125,27 @@ class Catalogue:
                     )
                 else:
                     self._single.append((cause, groups))
-                    columns = start + np.arange(len(groups))
-                    start += len(groups)
-                    families.append(Family.alone(cause.code, columns, cause.rarity, **about))
+                    count = cause.width * len(groups)
+                    starts = cause.width * np.arange(len(groups) + 1)
+                    columns = start + np.arange(count)
+                    families.append(
+                        Family(cause.code, starts, columns, cause.rarity, **about, most=cause.most)
+                    )
+                    start += count
+        self._n_columns = start
+        return families
+
+    def _of_all_known(self) -> list[Family]:
+        """What all known coordinates may share."""
+        families = []
+        for cause in OF_KNOWN:
+            chosen = np.flatnonzero(np.isin(self.known[:, 1], cause.takes))
+            if len(set(self.known[chosen, 0].tolist())) < cause.least:
+                continue
+            columns = self._n_columns + np.arange(cause.width)
+            families.append(Family(cause.code, np.array([0, cause.width]), columns, cause.rarity))
+            self.of_known.append((cause, chosen))
+            self._n_columns += cause.width
         return families
 
     def columns(self, linear: Linear, equations: Equations, effects: Effects) -> Columns:
@@ -134,11 +156,17 @@ class Catalogue:
         values, places, columns, start = [own], [np.arange(n)], [np.arange(n)], self._n_alone
         for cause, groups in self._single:
             assert cause.effect is not None
-            change = cause.effect(effects) * scales
-            values.append(change[groups.rows])
-            places.append(self._column[groups.rows])
-            columns.append(start + np.repeat(np.arange(len(groups)), np.diff(groups.starts)))
-            start += len(groups)
+            width, change = cause.width, _by_parts(cause.effect(effects)) * scales[:, None]
+            values.append(change[groups.rows].ravel())
+            places.append(np.repeat(self._column[groups.rows], width))
+            number = np.repeat(np.arange(len(groups)), np.diff(groups.starts))
+            columns.append(start + (width * number[:, None] + np.arange(width)).ravel())
+            start += width * len(groups)
+        for of_known, chosen in self.of_known:
+            values.append(-self.too_large(of_known, chosen, equations.known).ravel())
+            places.append(np.repeat(first + chosen, of_known.width))
+            columns.append(np.tile(start + np.arange(of_known.width), len(chosen)))
+            start += of_known.width
         is_local = np.arange(start) < first + len(self.known)
         at = np.concatenate(places), np.concatenate(columns)
         if isinstance(linear.whitening, np.ndarray):
@@ -150,11 +178,15 @@ class Catalogue:
         sparse = coo_array((np.concatenate(values), at), shape=(n, start)).tocsr()
         return Columns((linear.whitening @ sparse).tocsc(), is_local)
 
+    def too_large(self, cause: KnownCause, chosen: IntArray, known: KnownCoordinates) -> FloatArray:
+        """(k, parts) by how much (m) one unit of a mistake makes known coordinates too large."""
+        return cause.effect(known.about_centre()[chosen], self.known[chosen, 1], known.curvature)
+
     @property
     def is_small(self) -> bool:
         """Whether all columns are few enough to be a plain array."""
         n = self._n_alone
-        return n * (n + sum(len(groups) for _, groups in self._single)) <= _FEW
+        return n * self._n_columns <= _FEW
 
     def named(self, index: int) -> Named:
         """What a hypothesis is."""
@@ -163,10 +195,23 @@ class Catalogue:
         if family == 0:
             return Named(code, self.rows[self.hypotheses.of(index)])
         if family < 3:
-            own = self.known[self.hypotheses.of(index) - len(self.rows)]
-            return Named(code, np.zeros(0, np.int64), tuple((int(p), int(c)) for p, c in own))
+            own = self.hypotheses.of(index) - len(self.rows)
+            return Named(code, np.zeros(0, np.int64), self._points(own))
+        if family - 3 >= len(self._parts):
+            of_known, chosen = self.of_known[family - 3 - len(self._parts)]
+            return Named(code, np.zeros(0, np.int64), self._points(chosen), of_known=of_known)
         cause, groups = self._parts[family - 3]
-        return Named(code, groups.rows[groups.starts[k] : groups.starts[k + 1]], (), cause, groups, k)
+        rows = groups.rows[groups.starts[k] : groups.starts[k + 1]]
+        return Named(code, rows, cause=cause, groups=groups, number=k)
+
+    def _points(self, equations: IntArray) -> tuple[tuple[int, int], ...]:
+        """Points and components of some equations of known coordinates."""
+        return tuple((int(point), int(part)) for point, part in self.known[equations])
+
+
+def _by_parts(effect: FloatArray) -> FloatArray:
+    """(n, parts) an effect of one size or of several."""
+    return effect if effect.ndim > 1 else effect[:, None]
 
 
 def _not_seen(groups: Groups, marks: Any, cause: Cause, seen: set[tuple[str, int]]) -> Groups:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,13 +68,15 @@ class Cause:
         rarity: Twice the logarithm of how much rarer than one wrong reading it is.
         scopes: Where it may be.
         takes: Which observations it changes.
-        effect: What one unit of it adds to computed minus observed; None where each observation has an
-            error of its own.
+        effect: What one unit of it adds to computed minus observed, (n,), or (n, parts); None where each
+            observation has an error of its own.
         least: Observations that it concerns at least.
         needs_slip: Whether it is told only with a slip that explains it.
         is_bent: Whether the effect of a large error is far from linear.
         is_one: Whether its observations are one observation of several components.
         groups: Its groups, where those of the scopes are not what is wanted.
+        parts: What its sizes are called, where it has several.
+        most: Length of these beyond which it is another mistake.
     """
 
     code: str
@@ -91,6 +94,13 @@ class Cause:
     is_bent: bool = False
     is_one: bool = False
     groups: Callable[[Cause, Notes, BoolArray], list[Groups]] | None = None
+    parts: tuple[str, ...] = ()
+    most: float = math.inf
+
+    @property
+    def width(self) -> int:
+        """How many sizes it has."""
+        return max(len(self.parts), 1)
 
     def where(self, notes: Notes, active: BoolArray) -> list[Groups]:
         """All groups in which it may be."""
@@ -98,6 +108,36 @@ class Cause:
             return self.groups(self, notes, active)
         mask = active & self.takes(notes)
         return [grouped(scope, scope.labels(notes), mask, self.least) for scope in self.scopes]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownCause:
+    """A kind of mistake that all known coordinates share.
+
+    Attributes:
+        code, name, about, example, remedy, unit, rarity, parts: As of `Cause`.
+        takes: Components (0 to 2) that it changes.
+        effect: Coordinates (k, 3) about their centre (m), components (k,), and the curvature (1/m) of what
+            the map is of -> (k, parts) by how much one unit makes each too large (m).
+        least: Points that it concerns at least.
+    """
+
+    code: str
+    name: str
+    about: str
+    example: str
+    remedy: str
+    unit: str
+    rarity: float
+    takes: tuple[int, ...]
+    effect: Callable[[FloatArray, IntArray, float], FloatArray]
+    parts: tuple[str, ...] = ()
+    least: int = 3
+
+    @property
+    def width(self) -> int:
+        """How many sizes it has."""
+        return max(len(self.parts), 1)
 
 
 def grouped(scope: Scope, labels: IntArray, mask: BoolArray, least: int) -> Groups:

@@ -26,14 +26,14 @@ class Effects:
         notes: The network.
         coordinates: (p, 3) of the points.
         vectors: (n, 3) from instrument to target, heights included; NaN where a point has no place.
-        up: (n, 3) vertical of the instrument.
+        horizons: (n, 3, 3) east, north and up at the instrument, by rows.
         axes: (n, 3) what a metre east, north and up adds to components of vectors; NaN of others.
     """
 
     notes: Notes
     coordinates: FloatArray
     vectors: FloatArray
-    up: FloatArray
+    horizons: FloatArray
     axes: FloatArray
 
     @classmethod
@@ -41,12 +41,18 @@ class Effects:
         """Those of a network, its heights as its field book gives them."""
         rows = notes.book.observations
         origins = np.where(rows.from_points < len(coordinates), rows.from_points, 0).astype(np.int64)
-        up = equations.verticals(origins, coordinates)
+        horizons = equations.horizons(origins, coordinates)
         places = np.full((len(notes.book.point_names), 3), np.nan)
         places[: len(coordinates)] = coordinates
         axes = equations.local_axes(coordinates)
-        raised = (rows.to_heights - rows.from_heights)[:, None] * up
-        return cls(notes, coordinates, places[rows.to_points] - places[rows.from_points] + raised, up, axes)
+        raised = (rows.to_heights - rows.from_heights)[:, None] * horizons[:, 2]
+        vectors = places[rows.to_points] - places[rows.from_points] + raised
+        return cls(notes, coordinates, vectors, horizons, axes)
+
+    @property
+    def up(self) -> FloatArray:
+        """(n, 3) vertical of the instrument."""
+        return np.asarray(self.horizons[:, 2])
 
     @property
     def ones(self) -> FloatArray:
@@ -62,6 +68,24 @@ class Effects:
     def lengths(self) -> FloatArray:
         """Of the sights (m)."""
         return np.asarray(np.maximum(np.nan_to_num(np.linalg.norm(self.vectors, axis=1)), _SHORTEST))
+
+    @property
+    def beside(self) -> FloatArray:
+        """(n, 2) of components of vectors whose end is a metre too far east, and north; 0 of all others."""
+        return np.asarray(-np.nan_to_num(self.axes[:, :2]))
+
+    @cached_property
+    def off_centre(self) -> FloatArray:
+        """(n, 2) of an instrument that stands a metre east, and north, of its point."""
+        local = np.nan_to_num(np.einsum("nij,nj->ni", self.horizons, self.vectors))
+        plan, rise = local[:, :2], local[:, 2:]
+        flat = np.maximum(np.hypot(*plan.T), _SHORTEST)[:, None]
+        length, notes = self.lengths[:, None], self.notes
+        across = np.column_stack([plan[:, 1], -plan[:, 0]]) / flat**2
+        kinds = (notes.is_direction, notes.is_zenith, notes.is_slope, notes.is_length & ~notes.is_slope)
+        parts = (across, rise * plan / (flat * length**2), plan / length, plan / flat)
+        found: FloatArray = np.select([kind[:, None] for kind in kinds], parts, 0.0)
+        return found
 
     @property
     def upward(self) -> FloatArray:

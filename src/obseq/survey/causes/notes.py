@@ -41,6 +41,11 @@ class Notes:
         return among(self.book.observations.types, codes_for(Start.ZENITH))
 
     @cached_property
+    def is_between(self) -> BoolArray:
+        """Which are angles between two points."""
+        return among(self.book.observations.types, codes_for(Start.ANGLE))
+
+    @cached_property
     def is_slope(self) -> BoolArray:
         """Which are slope distances."""
         return among(self.book.observations.types, codes_for(Start.DISTANCE))
@@ -120,6 +125,11 @@ class Notes:
         rounds = np.empty(len(keys), np.int64)
         rounds[order] = places - np.maximum.accumulate(np.where(firsts, places, 0))
         return np.where(sights >= 0, sights * (1 + int(rounds.max(initial=0))) + rounds, -1)
+
+    def in_file(self, points: IntArray) -> IntArray:
+        """Numbers of points, another one in each file."""
+        files = self.book.observations.file_indices.astype(np.int64)
+        return np.asarray(files * len(self.book.point_names) + points)
 
     @cached_property
     def instruments(self) -> IntArray:

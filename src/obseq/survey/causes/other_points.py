@@ -45,13 +45,26 @@ def readings_to(effects: Effects, computed: FloatArray, row: int) -> FloatArray:
     target, origin = int(rows.to_points[row]), int(rows.from_points[row])
     if max(target, origin) >= n:
         return np.full(n, np.nan)
-    kinds = (notes.is_direction[row], notes.is_zenith[row], notes.is_slope[row])
+    kinds = (notes.is_direction[row] or notes.is_between[row], notes.is_zenith[row], notes.is_slope[row])
     if not any(kinds):
         return np.full(n, np.nan)
     with np.errstate(invalid="ignore"):
         of_all = _polar(*_sights(effects, row))[kinds.index(True)]
     found = computed[row] + of_all - of_all[target]
     found[[target, origin]] = np.nan
+    return np.asarray(found)
+
+
+def other_backsights(effects: Effects, computed: FloatArray, row: int) -> FloatArray:
+    """(p,) what an angle would have been from each point as its first one; NaN for what is no angle."""
+    rows, n = effects.notes.book.observations, len(effects.coordinates)
+    backsight, origin = int(rows.backsights[row]), int(rows.from_points[row])
+    if not effects.notes.is_between[row] or max(backsight, origin) >= n:
+        return np.full(n, np.nan)
+    with np.errstate(invalid="ignore"):
+        of_all = _polar(*_sights(effects, row))[0]
+    found = computed[row] - of_all + of_all[backsight]
+    found[[backsight, origin]] = np.nan
     return np.asarray(found)
 
 

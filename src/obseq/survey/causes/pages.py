@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from obseq.diagnosis.page import Page, price
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, RARITY, ROW
-from obseq.survey.causes.registry import CAUSES
+from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 from obseq.survey.causes.rewriting import REWRITINGS
 
 if TYPE_CHECKING:
-    from obseq.survey.causes.cause import Cause
+    from obseq.survey.causes.cause import Cause, KnownCause
 
 _UNITS = {"m": "metres", "rad": "radians", "": "as a ratio"}
 _REDONE = "The values are put right, and the network is computed anew: most contradictions must go."
@@ -100,21 +100,44 @@ OF_POINTS = (
         "Heights in feet with a plan in metres.",
         "Convert the heights.",
     ),
+    Page(
+        "S212",
+        "unit of coordinates",
+        "Coordinates of all known points are in another unit than observations.",
+        ("All points with coordinates together.", _REDONE),
+        "A list of coordinates in feet, distances in metres.",
+        "Convert the coordinates.",
+    ),
+    Page(
+        "S213",
+        "zone or system",
+        "Known points are those of another zone or system.",
+        ("All but one or two known points as unknown ones: they must be found turned, or larger.", _REDONE),
+        "Coordinates of zone 31 in a project of zone 32.",
+        "Correct --points-crs, or --frame.",
+    ),
 )
 """Mistakes of coordinates, and of the kind of distances."""
 
 
 def pages() -> tuple[Page, ...]:
     """All causes of networks, by code."""
-    found = chain(ALONE, map(_of_cause, CAUSES), map(_of_writing, _WRITTEN), OF_POINTS)
+    of_known = (Page.of(one, *_of_all(one), *price(one.rarity)) for one in OF_KNOWN)
+    found = chain(ALONE, map(_of_cause, CAUSES), of_known, map(_of_writing, _WRITTEN), OF_POINTS)
     return tuple(sorted(found, key=lambda page: page.code))
+
+
+def _of_all(cause: KnownCause) -> tuple[str, ...]:
+    sizes = f"sizes: {', '.join(cause.parts)}" if cause.parts else "one size for all of them"
+    return (f"All known coordinates together, of {cause.least} points at least; {sizes}.",)
 
 
 def _of_cause(cause: Cause) -> Page:
     where = ", ".join(scope.about for scope in cause.scopes)
     tested = [f"Where it may be: {where}; {cause.least} observations at least."]
     if cause.effect is not None:
-        tested.append(f"One size for all of them ({_UNITS[cause.unit]}).")
+        sizes = f"Sizes {', '.join(cause.parts)}" if cause.parts else "One size"
+        tested.append(f"{sizes} for all of them ({_UNITS[cause.unit]}).")
     else:
         tested.append("A size for each of them.")
     if cause.needs_slip:

@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.errors import ObseqError
 from obseq.survey.causes.cause import grouped
+from obseq.survey.causes.other_system import other_system
+from obseq.survey.causes.rewritten import Rewritten
 from obseq.survey.causes.scopes import ALL, FILE, FROM
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.causes.cause import Scope
     from obseq.survey.causes.notes import Notes
-    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.model import Points
 
 _TURN, _FEET = 2.0 * math.pi, 0.3048
 
@@ -49,27 +52,6 @@ class Rewriting:
     takes: Callable[[Notes], BoolArray]
     right: Callable[[FloatArray, BoolArray], FloatArray]
     scopes: tuple[Scope, ...] = (ALL, FILE, FROM)
-
-
-@dataclass(frozen=True, eq=False)
-class Rewritten:
-    """A network as it would be without such a mistake.
-
-    Attributes:
-        code, slip, what, text: As in the result.
-        rows: Observations that it concerns.
-        known: Known points that it concerns.
-        points, book: The network without it.
-    """
-
-    code: str
-    slip: str
-    what: str
-    text: str
-    rows: IntArray
-    known: IntArray
-    points: Points
-    book: FieldBook
 
 
 def _angles(notes: Notes) -> BoolArray:
@@ -203,7 +185,19 @@ def rewritten(
                 what = f"{one.name}, {scope.words(notes, label, rows)}, {len(rows)} observations"
                 yield Rewritten(one.code, one.slip, what, one.text, rows, _NONE, notes.points, book)
     yield from _horizontal(notes)
-    yield from _of_points(notes, system)
+    yield from _of_all_points(notes, system)
+
+
+def rewritten_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
+    """The networks in which some known points are others, or none but one or two are taken as known.
+
+    Args:
+        notes: The network.
+        system: Of the coordinates of points.
+    """
+    known = _known(notes.points)
+    yield from _of_single_points(notes.points, notes, system, known)
+    yield from other_system(notes, known)
 
 
 _NONE = np.zeros(0, np.int64)
@@ -226,10 +220,13 @@ def _horizontal(notes: Notes) -> Iterator[Rewritten]:
     yield Rewritten("S205", "W108", what, text, rows, _NONE, notes.points, book)
 
 
-def _of_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
-    """Coordinates of all points: easting and northing exchanged, heights in feet."""
-    points = notes.points
-    known = np.flatnonzero((~points.is_free).any(axis=1) & points.has_coordinates)
+def _known(points: Points) -> IntArray:
+    return np.flatnonzero((~points.is_free).any(axis=1) & points.has_coordinates)
+
+
+def _of_all_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
+    """Coordinates of all points: easting and northing exchanged, heights or all in feet."""
+    points, known = notes.points, _known(notes.points)
     placed = np.flatnonzero(points.has_coordinates)
     if not known.size:
         return
@@ -241,7 +238,6 @@ def _of_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
         coordinates[placed] = system.placed(changed, names)
         return replace(points, coordinates=coordinates)
 
-    yield from _of_single_points(points, notes, system, known)
     what = f"coordinates of all {len(known)} known points"
     text = "easting and northing are exchanged"
     yield Rewritten(
@@ -254,6 +250,17 @@ def _of_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
         heights = with_coordinates(given * [1.0, 1.0, factor])
         what = f"heights of all {len(known)} known points"
         yield Rewritten("S211", slip, what, text, _NONE, known, heights, notes.book)
+    for factor, slip, text in (
+        (_FEET, "W106", "feet read as metres"),
+        (1.0 / _FEET, "W107", "metres read as feet"),
+        (1e-3, "W126", "millimetres read as metres"),
+    ):
+        what = f"coordinates of all {len(known)} known points"
+        try:
+            other = with_coordinates(given * factor)
+        except ObseqError:  # outside of their system
+            continue
+        yield Rewritten("S212", slip, what, text, _NONE, known, other, notes.book)
 
 
 _MOST_KNOWN = 8

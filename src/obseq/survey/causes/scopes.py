@@ -29,6 +29,18 @@ def _point(notes: Notes, label: int, _rows: IntArray) -> str:
     return notes.book.point_names[label]
 
 
+def _origin(notes: Notes, rows: IntArray) -> int:
+    return int(notes.book.observations.from_points[rows[0]])
+
+
+def _target(notes: Notes, rows: IntArray) -> int:
+    return int(notes.book.observations.to_points[rows[0]])
+
+
+def _file(notes: Notes, rows: IntArray) -> str:
+    return str(notes.book.files[notes.book.observations.file_indices[rows[0]]])
+
+
 SETUP = Scope("setup", lambda notes: notes.setups, _setup, "a set-up")
 SIGHT = Scope("sight", lambda notes: notes.sights, _sight, "a sight")
 READING = Scope("reading", lambda notes: notes.readings, _sight, "a sight of one round")
@@ -56,6 +68,18 @@ TO = Scope(
     lambda notes: notes.book.observations.to_points.astype(np.int64),
     lambda notes, label, rows: f"to {_point(notes, label, rows)}",
     "all to a point",
+)
+FROM_IN_FILE = Scope(
+    "from-in-file",
+    lambda notes: notes.in_file(notes.book.observations.from_points.astype(np.int64)),
+    lambda notes, _, rows: f"from {_point(notes, _origin(notes, rows), rows)} in {_file(notes, rows)}",
+    "all from a point in a file",
+)
+TO_IN_FILE = Scope(
+    "to-in-file",
+    lambda notes: notes.in_file(notes.book.observations.to_points.astype(np.int64)),
+    lambda notes, _, rows: f"to {_point(notes, _target(notes, rows), rows)} in {_file(notes, rows)}",
+    "all to a point in a file",
 )
 ALL = Scope(
     "all",

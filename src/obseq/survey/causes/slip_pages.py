@@ -213,5 +213,13 @@ SLIPS = (
         "Two names were exchanged in a list of coordinates.",
         "Correct the names.",
     ),
+    Page(
+        "W134",
+        "exchanged ends",
+        "A vector goes from its second point to its first.",
+        ("The vector must fit with the other sign.",),
+        "From and to were exchanged in a list of baselines.",
+        "Exchange the two points.",
+    ),
 )
 """All slips of surveys; those of blocks that are the same have the same code."""

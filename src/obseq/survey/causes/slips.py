@@ -20,9 +20,16 @@ from obseq.survey.causes.distance_constant import CONSTANT
 from obseq.survey.causes.distance_scale import SCALE
 from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
 from obseq.survey.causes.level_scale import LEVEL_SCALE
-from obseq.survey.causes.other_points import other_standpoint, other_target, readings_to
+from obseq.survey.causes.other_points import (
+    other_backsights,
+    other_standpoint,
+    other_target,
+    readings_to,
+)
 from obseq.survey.causes.target_height import TARGET_HEIGHT
 from obseq.survey.causes.values import COORDINATE, LIKELY, difference, explain
+from obseq.survey.causes.vector import WHOLE_VECTOR
+from obseq.survey.causes.vector_slips import slips_of_vector
 from obseq.survey.causes.wrong_standpoint import STANDPOINT
 from obseq.survey.causes.wrong_target import TARGET
 from obseq.survey.kinds.registry import BY_CODE
@@ -112,14 +119,17 @@ def _of_another_reading(named: Named, tolerance: float, evidence: Evidence) -> I
         if other != row and mine and its:
             yield Slip("W113", f"exchanged with {effects.notes.book.label(other)}", 0.0, is_strong=True)
             return
-    read = readings_to(effects, evidence.computed, row)
-    off = np.array([abs(difference(kind, value, one)) for one in read.tolist()])
     span = 2.0 * math.pi if kind.is_angle else 2.0 * abs(value)
-    fits = np.flatnonzero(off <= tolerance)
-    chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / max(span, tolerance)
-    if fits.size and chance < LIKELY:
-        best = int(fits[np.argmin(off[fits])])
-        yield Slip("W112", f"read to {names[best]}", float(chance), is_strong=False)
+    for read, told in (
+        (readings_to(effects, evidence.computed, row), "read to"),
+        (other_backsights(effects, evidence.computed, row), "counted from"),
+    ):
+        off = np.array([abs(difference(kind, value, one)) for one in read.tolist()])
+        fits = np.flatnonzero(off <= tolerance)
+        chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / max(span, tolerance)
+        if fits.size and chance < LIKELY:
+            best = int(fits[np.argmin(off[fits])])
+            yield Slip("W112", f"{told} {names[best]}", float(chance), is_strong=False)
 
 
 def _of_target(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
@@ -132,6 +142,11 @@ def _of_standpoint(named: Named, change: Change, evidence: Evidence) -> Iterator
     if (other := other_standpoint(evidence.effects, named.rows, change.sigma)) is not None:
         name = evidence.effects.notes.book.point_names[other]
         yield Slip("W119", f"the instrument stood on {name}", 0.0, is_strong=True)
+
+
+def _of_vector(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
+    tolerance = POLICY.near * float(np.max(change.sigma)) + _NOTED
+    return slips_of_vector(evidence.effects, named.rows, change.size, tolerance)
 
 
 def _of_circle(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
@@ -213,6 +228,7 @@ _FINDERS = {
     KNOWN_PLAN: _of_plan,
     TARGET.code: _of_target,
     STANDPOINT.code: _of_standpoint,
+    WHOLE_VECTOR.code: _of_vector,
     CIRCLE.code: _of_circle,
     INSTRUMENT_HEIGHT.code: _of_height,
     TARGET_HEIGHT.code: _of_height,

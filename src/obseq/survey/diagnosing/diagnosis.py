@@ -84,7 +84,7 @@ def record_of(
     if not is_better or len(rest.accused) >= max(count, 1):
         return own
     status = "explained" if rest.status == "accepted" else rest.status
-    one = rewriting_record(trial.rewriting, model.notes)
+    one = rewriting_record(trial.rewriting, trial.others, model.notes)
     return structs.replace(rest, status=status, accused=(one, *rest.accused))
 
 

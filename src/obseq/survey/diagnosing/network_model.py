@@ -11,6 +11,7 @@ from obseq.cached import cached_property
 from obseq.diagnosis.linear import linearised
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError, SingularSystemError
+from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.strategies import GaussNewton
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from obseq.report.units import Units
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.adjustment.point_system import PointSystem
-    from obseq.survey.causes.cause import Cause
+    from obseq.survey.causes.cause import KnownCause
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
@@ -183,7 +184,7 @@ class NetworkModel:
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
         """Where least squares without some errors lead from a place."""
-        equations = self._at(self._corrected(changes), place)
+        equations = self._at(self._corrected(changes, place), place)
         result = _solved(
             equations,
             max_iterations=_ITERATIONS,
@@ -212,15 +213,22 @@ class NetworkModel:
         """Of the coordinates of points."""
         return self._written[1]
 
-    def contradictions(self) -> tuple[float, BoolArray]:
-        """How many observations contradict the robust place, counted softly, and which of them do."""
+    def contradictions(self) -> tuple[float, BoolArray, BoolArray]:
+        """What contradicts the robust place, counted softly; which observations and known coordinates do."""
         place = self.robust()
         equations = self._at(self.given, place)
         equations.follow(equations.system, 0)
         residuals, sigmas = equations.fitted(equations.system)
-        sizes = np.abs(np.nan_to_num(residuals)) / (POLICY.suspect * sigmas)
-        squares = np.square(np.minimum(sizes, _ENDLESS))
-        return float(np.sum(squares / (1.0 + squares))), sizes > 1.0
+        known = [
+            whitening_of(batch) @ equations.system.residuals(batch).ravel()
+            for batch in equations.known.places()
+        ]
+        own, off = (
+            np.abs(one) / POLICY.suspect
+            for one in (np.nan_to_num(residuals) / sigmas, np.concatenate([np.zeros(0), *known]))
+        )
+        squares = np.square(np.minimum(np.append(own, off), _ENDLESS))
+        return float(np.sum(squares / (1.0 + squares))), own > 1.0, off > 1.0
 
     def _at(self, given: Determined, place: Place) -> Equations:
         """The equations of a network, its unknowns at a place."""
@@ -232,8 +240,13 @@ class NetworkModel:
     def _is_height(self, change: Change) -> bool:
         return self.hypotheses.code(change.index) in (INSTRUMENT_HEIGHT.code, TARGET_HEIGHT.code)
 
-    def _corrected(self, changes: Sequence[Change]) -> Determined:
-        """The network without errors: rows out, constants and heights put right, known coordinates freed."""
+    def _corrected(self, changes: Sequence[Change], place: Place | None = None) -> Determined:
+        """The network without errors: rows out, constants and heights put right, known coordinates freed.
+
+        Args:
+            changes: The errors.
+            place: Where the unknowns are, for errors of which the effect depends on that.
+        """
         if not changes:
             return self.given
         points, observations = self.given.points, self.given.book.observations
@@ -253,21 +266,34 @@ class NetworkModel:
                 weights[named.rows] *= NO_WEIGHT
                 if self.given.book.clusters:  # those have weights of their own
                     values[named.rows] -= change.size
+            elif named.of_known is not None:
+                points = self._with_known(points, named.of_known, change.size)
             else:
-                assert named.cause is not None
-                effect = self._still_effect(named.cause)
-                values[named.rows] += effect[named.rows] * change.size[0]
+                assert named.cause is not None and named.cause.effect is not None and place is not None
+                effect = named.cause.effect(self._effects(place))[named.rows]
+                values[named.rows] += effect.reshape(len(named.rows), -1) @ change.size
         changed = replace(
             observations, values=values, sigmas=weights, from_heights=instruments, to_heights=targets
         )
         book = replace(self.given.book, observations=changed)
         return replace(self.given, book=book, points=replace(points, sigmas=sigmas))
 
-    def _still_effect(self, cause: Cause) -> FloatArray:
-        """(n,) what a unit of a cause that is no height adds to computed minus observed, anywhere."""
-        nowhere = np.zeros((len(self.notes.book.observations), 3))
-        assert cause.effect is not None
-        return cause.effect(Effects(self.notes, np.zeros((0, 3)), nowhere, nowhere, nowhere))
+    def _effects(self, place: Place) -> Effects:
+        """The sights of the network as it is given, at a place."""
+        return Effects.of(self.notes, self._equations(self.given), place.coordinates)
+
+    def _with_known(self, points: Points, cause: KnownCause, sizes: FloatArray) -> Points:
+        """The points, a mistake that their known coordinates share being taken off."""
+        (chosen,) = (chosen for other, chosen in self.catalogue.of_known if other is cause)
+        rows, components = self.catalogue.known[chosen].T
+        known = self._equations(self.given).known
+        off, coordinates = self.catalogue.too_large(cause, chosen, known) @ sizes, points.coordinates.copy()
+        for row in set(rows[np.isfinite(coordinates[rows]).all(axis=1)].tolist()):
+            given, _, metres = self.point_system.coordinates_and_axes(coordinates[[row]])
+            own = rows == row
+            given[0, components[own]] -= off[own] / metres[0, components[own]]
+            coordinates[row] = self.point_system.placed(given, [points.names[row]])[0]
+        return replace(points, coordinates=coordinates)
 
 
 def started(model: NetworkModel) -> Determined:

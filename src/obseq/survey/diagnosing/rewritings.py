@@ -10,12 +10,13 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
-from obseq.survey.causes.rewriting import rewritten
+from obseq.survey.causes.rewriting import rewritten, rewritten_points
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.survey.causes.rewriting import Rewritten
+    from obseq.arrays import FloatArray
+    from obseq.survey.causes.rewritten import Rewritten
     from obseq.survey.diagnosing.network_model import NetworkModel
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
@@ -24,6 +25,8 @@ _LEAST = 3
 """Observations that a group has at least."""
 _NAMELESS = 0.5
 """Contradictions that a mistake which nothing explains must leave less than one with a slip."""
+_EQUAL = 0.1
+"""Contradictions by which two mistakes may differ that explain a network equally well."""
 _BETTER = 0.5
 """Contradictions that a rewriting leaves at most, of those that there are."""
 
@@ -36,11 +39,13 @@ class Trial:
         rewriting: The mistake.
         start: The network without it, at a robust place.
         left: Contradictions, counted softly.
+        others: Mistakes that explain as much.
     """
 
     rewriting: Rewritten
     start: Determined
     left: float
+    others: tuple[Rewritten, ...] = ()
 
 
 def best_rewriting(
@@ -58,21 +63,54 @@ def best_rewriting(
         of: Such a network -> its model.
         is_many: Whether many single errors were found, however few observations they are.
     """
-    before, is_off = model.contradictions()
-    if not is_many and is_off.mean() < POLICY.share:
+    before, is_off, known_off = model.contradictions()
+    shares = [one.mean() for one in (is_off, known_off) if one.size]
+    if not is_many and max(shares) < POLICY.share:
         return None
-    trials = []
-    for one in rewritten(model.notes, model.point_system, is_off, POLICY.whole, _LEAST):
-        try:
-            start = begin(one.points, one.book)
-            other = of(start)
-            left, _ = other.contradictions()
-        except ObseqError:
-            continue
-        counts = (int(np.count_nonzero(net.book.observations.active)) for net in (model.given, start))
-        lost = next(counts) - next(counts)
-        place = other.robust()
-        initial = replace(start.initial, coordinates=place.coordinates, rotations=place.rotations)
-        trials.append(Trial(one, replace(start, initial=initial), left + max(lost, 0)))
-    best = min(trials, key=lambda one: one.left + _NAMELESS * (not one.rewriting.slip), default=None)
-    return best if best is not None and best.left < _BETTER * before else None
+    values = rewritten(model.notes, model.point_system, is_off, POLICY.whole, _LEAST)
+    best: Trial | None = None
+    for some in (values, rewritten_points(model.notes, model.point_system)):
+        trials = [trial for one in some if (trial := _tried(model, one, begin, of))]
+        best = min([*([best] if best else []), *trials], key=_price, default=None)
+        if best is not None and best.left < POLICY.share * before:
+            break
+    if best is None or best.left >= _BETTER * before:
+        return None
+    others = (one.rewriting for one in trials if one is not best and _price(one) < _price(best) + _EQUAL)
+    return replace(best, others=tuple(others))
+
+
+def _price(trial: Trial) -> float:
+    """What it leaves, and more where nothing explains it."""
+    return trial.left + _NAMELESS * (not trial.rewriting.slip)
+
+
+def _in_order(points: Points, others: Points, coordinates: FloatArray) -> FloatArray:
+    """(n, 3) coordinates of points, found for those that can be computed; NaN of the rest."""
+    found = np.full((len(points), 3), np.nan)
+    found[[points.index[name] for name in others.names]] = coordinates[: len(others)]
+    return found
+
+
+def _tried(
+    model: NetworkModel,
+    one: Rewritten,
+    begin: Callable[[Points, FieldBook], Determined],
+    of: Callable[[Determined], NetworkModel],
+) -> Trial | None:
+    """A network without a mistake; None where it cannot be computed, or that is not what is wrong."""
+    try:
+        start = begin(one.points, one.book)
+        other = of(start)
+        left, _, _ = other.contradictions()
+    except ObseqError:
+        return None
+    counts = (int(np.count_nonzero(net.book.observations.active)) for net in (model.given, start))
+    lost = next(counts) - next(counts)
+    place = other.robust()
+    told = one.told(_in_order(one.points, start.points, place.coordinates))
+    if told is None:
+        return None
+    initial = replace(start.initial, coordinates=place.coordinates, rotations=place.rotations)
+    named = replace(one, text=f"{one.text}{told}")
+    return Trial(named, replace(start, initial=initial), left + max(lost, 0))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from obseq.printable import listed
 from obseq.records.diagnosis import AccusedRecord, KnownRecord, PlaceRecord, SlipRecord, SuspectRecord
 from obseq.survey.adjustment.known_coordinates import COMPONENTS
-from obseq.survey.causes.catalogue import KNOWN
+from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from obseq.report.units import Units
     from obseq.survey.causes.catalogue import Catalogue, Named
     from obseq.survey.causes.notes import Notes
-    from obseq.survey.causes.rewriting import Rewritten
+    from obseq.survey.causes.rewritten import Rewritten
 
 _MOST = 3
 """Alternatives that one sentence names."""
@@ -39,7 +39,7 @@ def accused(one: Accusation, catalogue: Catalogue, units: Units) -> AccusedRecor
     unit = unit_of(named, catalogue)
     sizes = tuple(map(float, one.change.size))
     slips = tuple(SlipRecord(slip.code, slip.text) for slip in one.slips)
-    text = f"wrong by {told(units, unit, sizes)}" if unit is not None and len(sizes) == 1 else "wrong"
+    text = "wrong" if unit is None else f"wrong by {told(units, unit, sizes, parts_of(named))}"
     text += f": {slips[0].text}" if slips else ""
     if others:
         names = listed([other.what for other in others], _MOST)
@@ -60,12 +60,21 @@ def accused(one: Accusation, catalogue: Catalogue, units: Units) -> AccusedRecor
     )
 
 
-def rewriting_record(one: Rewritten, notes: Notes) -> AccusedRecord:
-    """A mistake of many values as the result holds it."""
-    places = _places(notes, one.rows.tolist())
-    known = tuple(KnownRecord(notes.points.names[p], c) for p in one.known.tolist() for c in COMPONENTS)
+def rewriting_record(one: Rewritten, others: Sequence[Rewritten], notes: Notes) -> AccusedRecord:
+    """A mistake of many values as the result holds it, with those that explain as much."""
     slips = (SlipRecord(one.slip, one.text),) if one.slip else ()
-    return AccusedRecord(one.code, one.what, places, known, text=one.text, slips=slips)
+    same = tuple(_of_rewriting(other, notes) for other in others)
+    names = listed([f"{other.what}: {other.text}" for other in others], _MOST)
+    text = f"{one.text}; or {names}: nothing tells them apart" if others else one.text
+    own = _of_rewriting(one, notes)
+    return AccusedRecord(
+        own.code, own.what, own.observations, own.points, text=text, others=same, slips=slips
+    )
+
+
+def _of_rewriting(one: Rewritten, notes: Notes) -> SuspectRecord:
+    known = tuple(KnownRecord(notes.points.names[p], c) for p in one.known.tolist() for c in COMPONENTS)
+    return SuspectRecord(one.code, one.what, _places(notes, one.rows.tolist()), known)
 
 
 def _places(notes: Notes, rows: Sequence[int]) -> tuple[PlaceRecord, ...]:
@@ -85,6 +94,8 @@ def suspected(named: Named, catalogue: Catalogue) -> SuspectRecord:
 def what(named: Named, catalogue: Catalogue) -> str:
     """What a hypothesis is called."""
     notes = catalogue.notes
+    if named.of_known is not None:
+        return f"{named.of_known.name}, {len({point for point, _ in named.known})} points"
     if named.known:
         point = named.known[0][0]
         which = COMPONENTS[named.known[0][1]] if named.code == KNOWN else "plan"
@@ -97,7 +108,9 @@ def what(named: Named, catalogue: Catalogue) -> str:
 
 
 def unit_of(named: Named, catalogue: Catalogue) -> str | None:
-    """Unit of its sizes; None where they have several, or none that is told."""
+    """Unit of its sizes; None where they are not told."""
+    if named.of_known is not None:
+        return named.of_known.unit
     if named.known:
         return "m"
     if named.cause is None:
@@ -105,9 +118,23 @@ def unit_of(named: Named, catalogue: Catalogue) -> str | None:
     return None if named.cause.effect is None else named.cause.unit
 
 
-def told(units: Units, unit: str, sizes: Sequence[float]) -> str:
+def parts_of(named: Named) -> tuple[str, ...]:
+    """What its sizes are called; empty for a single one."""
+    if named.code == KNOWN_PLAN:
+        return ("in x", "in y")
+    cause = named.of_known or named.cause
+    return cause.parts if cause is not None else ()
+
+
+def told(units: Units, unit: str, sizes: Sequence[float], parts: Sequence[str] = ()) -> str:
     """How large an error is, in words."""
-    size = sizes[0]
+    if parts:
+        each = (f"{_one(units, unit, size)} {part}" for size, part in zip(sizes, parts, strict=True))
+        return ", ".join(each)
+    return _one(units, unit, sizes[0])
+
+
+def _one(units: Units, unit: str, size: float) -> str:
     if not unit:
         return f"{1e6 * size:.1f} ppm"
     return units.small(unit, size) if abs(size) < _SMALL[unit] else units.observed(unit, size)

@@ -1,0 +1,37 @@
+"""Known heights of another kind than observations need."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.survey.causes.cause import KnownCause
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatArray, IntArray
+
+
+def _too_large(places: FloatArray, components: IntArray, curvature: float) -> FloatArray:
+    """Slopes of heights; of what they all have too much only what it does to the plan is seen.
+
+    What lies higher is larger on the ground than on the map.
+    """
+    is_height = components == 2
+    own = np.where(is_height, 0.0, places[np.arange(len(places)), components] * curvature)
+    return np.column_stack([own, np.where(is_height[:, None], 1e-3 * places[:, :2], 0.0)])
+
+
+KNOWN_HEIGHTS = KnownCause(
+    "S114",
+    "heights of known points",
+    "Known heights differ from what is observed by a constant and a slope.",
+    "Heights above the geoid (levelled) stand where GNSS vectors need heights above the ellipsoid.",
+    "Add the geoid heights, or name the vertical system in --points-crs.",
+    "m",
+    6.0,
+    (0, 1, 2),
+    _too_large,
+    parts=("in the middle", "a kilometre east", "a kilometre north"),
+    least=4,
+)
