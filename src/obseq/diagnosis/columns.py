@@ -61,6 +61,13 @@ class Columns:
         found = self.matrix[:, which]
         return found if isinstance(found, np.ndarray) else np.asarray(found.toarray())
 
+    def weights_apart(self, linear: Linear) -> FloatArray:
+        """(k,) M of each, of length 1, as if its equations had no unknowns in common."""
+        shares = 1.0 - linear.taken.diagonal()
+        if isinstance(self.matrix, np.ndarray):
+            return np.asarray(shares @ self.matrix**2)
+        return np.asarray(self.matrix.multiply(self.matrix).T @ shares)
+
     def first_weights(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, where it costs little; NaN of those that a solve each would take."""
         if isinstance(self.matrix, np.ndarray):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Generic
 import numpy as np
 
 from obseq.diagnosis.explanation import Explanation, accepted, better, change_of, with_equals
-from obseq.diagnosis.judgement import judged
+from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 
     from obseq.diagnosis.policy import Policy
     from obseq.diagnosis.protocol import Model
-
-
-_HALF = 0.5
-"""Share of the redundancy that what is taken out may cost: of more, the rest would be the error."""
 
 
 def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
@@ -103,6 +99,8 @@ class Search(Generic[Place]):
         for place in (robust, solution):
             found = None if place is None else self._adapted(place, is_robust=place is robust)
             best = better(best, found)
+            if best is not None and best.is_accepted and len(best.chosen) > 1:
+                best = with_slips(self._model, best)
             if best is not None and best.is_accepted and len(best.chosen) == 1:
                 return best  # several may be the price of a wrong place: look from the other
             if best is not None and self._is_large and len(best.chosen) >= self._policy.most:
@@ -169,21 +167,22 @@ class Search(Generic[Place]):
     def _adapted(self, place: Place, *, is_robust: bool) -> Explanation[Place] | None:
         """The best explanation from a place; what is not linear is tried as what it is."""
         best, bent = self._settled(place, (), is_robust=is_robust)
-        if best is not None and best.is_accepted and not self._is_worth_trials(best):
-            return best
+        if best is not None and best.is_accepted and not self._hypotheses.is_block[list(best.chosen)].any():
+            return best  # what is not linear in it was applied: tests tell what is as good
         found = [best] if best is not None else []
         for change in bent:
             other, _ = self._settled(place, (change,), is_robust=is_robust)
             found += [other] if other is not None else []
+            if other is not None and other.is_accepted and self._is_one_bent(other):
+                break
         if not found:
             return None
         found.sort(key=lambda one: one.price)
         return with_equals(found, self._policy)
 
-    def _is_worth_trials(self, found: Explanation[Place]) -> bool:
-        """Whether an explanation has a block or something that is not linear: other trials may be better."""
-        own = list(found.chosen)
-        return bool((self._hypotheses.is_block[own] | self._hypotheses.is_bent[own]).any())
+    def _is_one_bent(self, found: Explanation[Place]) -> bool:
+        """Whether an explanation is one hypothesis whose effect is not linear, applied as what it is."""
+        return len(found.chosen) == 1 and bool(self._hypotheses.is_bent[found.chosen[0]])
 
     def _settled(
         self, place: Place, applied: tuple[Change, ...], *, is_robust: bool
@@ -269,7 +268,7 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
-    left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy
+    left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy
     return list(map(int, which[left]))
 
 

@@ -31,10 +31,6 @@ class Explanation(Generic[Place]):
     place: Place
     same: tuple[tuple[Change, float], ...] = ()
 
-    def at(self, place: Place) -> Explanation[Place]:
-        """The same, the unknowns elsewhere."""
-        return Explanation(self.price, self.tests, self.chosen, place, self.same)
-
     @property
     def left(self) -> float:
         """Weighted sum of squares that they leave."""

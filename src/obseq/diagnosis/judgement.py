@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from obseq.diagnosis.explanation import accepted
+from obseq.diagnosis.explanation import Explanation, accepted
 from obseq.diagnosis.protocol import Change
 from obseq.diagnosis.selection import equals, for_a_slip, inside, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
@@ -14,12 +14,9 @@ from obseq.errors import ObseqError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.diagnosis.explanation import Explanation
     from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
-_HALF = 0.5
-"""Share of the redundancy that several errors must leave: else the rest might as well be the error."""
 MANY = (
     "more contradicts the rest than a few errors do: look for what many observations share (names, units, a "
     "model that is too simple), for sigmas that are too small, or use robust weights"
@@ -37,15 +34,15 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     if not is_accepted and len(chosen) >= found.tests.policy.most:
         spare, said = found.tests.linear.redundancy, f"{reason}; {MANY}" if reason else MANY
         return Verdict(Status.UNEXPLAINED, (), found.tests.cost, spare, said, many=len(chosen))
-    chosen, found = _with_slips(model, found, chosen)
-    tests = found.tests
+    found = with_slips(model, Explanation(found.price, found.tests, tuple(chosen), found.place, found.same))
+    chosen, tests = list(found.chosen), found.tests
     left = tests.cost - tests.took(chosen)
     if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
     if not chosen:  # nothing that was found stands out of the noise
         is_accepted = left <= accepted(redundancy, tests.policy)
-    if len(chosen) > 1 and redundancy < _HALF * tests.linear.redundancy:
+    if len(chosen) > 1 and redundancy < tests.policy.half * tests.linear.redundancy:
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     told = {i: _accusation(model, found, chosen, i) for i in chosen}
     remarks = _remarks(tests, chosen) if is_accepted else []
@@ -99,14 +96,12 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
     return chosen
 
 
-def _with_slips(
-    model: Model[Place], found: Explanation[Place], chosen: list[int]
-) -> tuple[list[int], Explanation[Place]]:
+def with_slips(model: Model[Place], found: Explanation[Place]) -> Explanation[Place]:
     """The same with a block in place of its rows where a slip explains it: a name, say."""
     tests = found.tests
-    for block in for_a_slip(tests, chosen):
-        gone = inside(tests, chosen, block)
-        other = kept(tests, [*(i for i in chosen if i not in gone), block])
+    for block in for_a_slip(tests, found.chosen):
+        gone = inside(tests, found.chosen, block)
+        other = kept(tests, [*(i for i in found.chosen if i not in gone), block])
         if block not in other:
             continue
         sizes = tests.sizes(other)
@@ -115,8 +110,8 @@ def _with_slips(
         except ObseqError:
             continue
         if any(slip.is_strong for slip in model.slips(Change(block, *sizes[block]), place)):
-            chosen, found = other, found.at(place)
-    return chosen, found
+            found = Explanation(tests.price(other), tests, tuple(other), place, found.same)
+    return found
 
 
 def _accusation(

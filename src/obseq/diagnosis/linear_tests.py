@@ -143,7 +143,7 @@ class LinearTests:
         for _, columns, grams in self._sets:
             wanted = np.isnan(grams[:, 0, 0])
             if self._is_screened:
-                wanted &= (np.abs(shown[columns]) > self.policy.screen).any(axis=1)
+                wanted &= self._asks(shown)[columns].any(axis=1)
             for part in _parts(np.flatnonzero(wanted)):
                 grams[part] = self._columns.grams(self.linear, columns[part])
 
@@ -165,11 +165,19 @@ class LinearTests:
         result[self.hypotheses.columns[np.repeat(wanted, self.hypotheses.q)]] = False
         return result
 
+    @cached_property
+    def _apart(self) -> FloatArray:
+        return self._columns.weights_apart(self.linear)
+
+    def _asks(self, shown: FloatArray) -> BoolArray:
+        """(k,) columns whose test, its equations taken apart, asks for its M."""
+        return np.asarray(shown**2 > self.policy.screen**2 * self._apart)
+
     def _weigh(self, shown: FloatArray) -> None:
         """Works out M of the columns that are wanted and not known yet."""
         wanted = np.isnan(self._weight)
         if self._is_screened:
-            wanted &= np.abs(shown) > self.policy.screen
+            wanted &= self._asks(shown)
         for part in _parts(np.flatnonzero(wanted)):
             through = np.ascontiguousarray(self.linear.rows.T @ self._columns.some(part))
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
-_EXCHANGES = 4
 _TWO = 2
 """Errors that may well be in one block by chance."""
 
@@ -96,7 +95,7 @@ def _own(tests: LinearTests, chosen: list[int]) -> list[float]:
 def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """The same after exchanges of one for another that lower the price."""
     now = list(chosen)
-    for _ in range(_EXCHANGES):
+    for _ in range(tests.policy.exchanges):
         price, better = tests.price(now), None
         for i in now if _are_few(tests, now) else ():
             rest = [j for j in now if j != i]

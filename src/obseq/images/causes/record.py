@@ -32,8 +32,11 @@ MOST_NAMED = 3
 
 def record_of_verdict(verdict: Verdict, catalogue: Catalogue) -> DiagnosisRecord:
     """The record of what the engine found."""
-    accused = tuple(_accused(one, catalogue) for one in verdict.accused)
-    return DiagnosisRecord(verdict.status.value, verdict.left, verdict.redundancy, accused, verdict.reason)
+    accused, remarks = (
+        tuple(_accused(one, catalogue) for one in some) for some in (verdict.accused, verdict.remarks)
+    )
+    left, redundancy = verdict.left, verdict.redundancy
+    return DiagnosisRecord(verdict.status.value, left, redundancy, accused, verdict.reason, remarks)
 
 
 def record_of_fits(fits: list[Fit]) -> DiagnosisRecord:
