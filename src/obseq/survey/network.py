@@ -320,6 +320,11 @@ class Network:
         Raises:
             InputError: Some points or stations cannot be placed; the message lists them with the reasons.
         """
+        if (rows := np.flatnonzero(self.book.of_cameras)).size:
+            raise InputError(
+                f"{self.book.label(int(rows[0]))}: its station is a camera (#CAM), which an adjustment of "
+                "images turns: bundle-adjust with TopoDirIn, or BundleAdjustment.add_survey"
+            )
         initial = self.fieldwork.initial_values()
         initial.require_complete()
         return initial

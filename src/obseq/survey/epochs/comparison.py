@@ -165,6 +165,8 @@ class Comparison:
         )
         for row, (name, place, vector, spread, ellipse, test) in enumerate(rows):
             x, y, z, east, north, up, s_east, s_north, s_up = np.concatenate([place, vector, spread]).tolist()
+            if moved.without_height is not None and moved.without_height[row]:
+                z = up = s_up = None
             yield DisplacementRecord(
                 name,
                 x,
