@@ -15,22 +15,13 @@ from obseq.cli.network_files import Source, add_network_arguments, given, source
 from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
-from obseq.cli.results import (
-    INCOMPLETE,
-    SECOND,
-    Outputs,
-    add_result_arguments,
-    outputs_of,
-    show,
-    shown_in,
-    write,
-)
+from obseq.cli.results import INCOMPLETE, Outputs, add_result_arguments, outputs_of, show, shown_in, write
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.printable import composed, printable
 from obseq.records.adjustment import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch
-from obseq.writing import STANDARD_OUTPUT, check_writable
+from obseq.writing import SECOND, STANDARD_OUTPUT, check_writable
 
 if TYPE_CHECKING:
     from obseq.survey import Network

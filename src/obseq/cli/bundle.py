@@ -22,11 +22,11 @@ from obseq.cli.parsing import (
     say,
 )
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, SECOND
+from obseq.cli.results import INCOMPLETE
 from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
-from obseq.writing import check_writable, write_all
+from obseq.writing import SECOND, check_writable, write_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 INCOMPLETE = 1
 """Exit code: not converged, or something was left out."""
 
-SECOND = "-without-accused"
-"""What the names of the files of a second adjustment end with."""
-
 STEM = "adjustment"
 """Name of the files in a folder of results."""
 
