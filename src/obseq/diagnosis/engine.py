@@ -41,6 +41,8 @@ class Search(Generic[Place]):
         self._model, self._policy = model, policy
         self._hypotheses = model.hypotheses
         self._steps = 0
+        self._last: tuple[Place, LinearTests] | None = None
+        self._is_large = False
 
     def verdict(self) -> Verdict:
         """What is wrong."""
@@ -57,7 +59,7 @@ class Search(Generic[Place]):
         best = self._from_all_places(solution)
         if best is None:
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
-        spent = f"not all explanations were tried: the {self._policy.steps} iterations for that are spent"
+        spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
         return judged(self._model, best, spent if self._is_spent else "")
 
     def _solution(self) -> Place | None:
@@ -68,20 +70,31 @@ class Search(Generic[Place]):
             return None
 
     @property
+    def _budget(self) -> int:
+        return self._policy.steps_of_large if self._is_large else self._policy.steps
+
+    @property
     def _is_spent(self) -> bool:
-        return self._steps >= self._policy.steps
+        return self._steps >= self._budget
 
     def _tests(self, place: Place, applied: Sequence[Change] = ()) -> LinearTests:
         """The tests at a place; of what is applied the columns stand where the change now is."""
+        if not applied and self._last is not None and self._last[0] is place:
+            return self._last[1]
         linear, columns = self._model.linearised(place, applied)
         for change in applied:  # back to no change, along the tangent
             own = self._hypotheses.of(change.index)
             linear.residuals[:] += columns.effect(own, change.size)
-        return LinearTests(linear, columns, self._hypotheses, self._policy)
+        tests = LinearTests(linear, columns, self._hypotheses, self._policy)
+        self._last = None if applied else (place, tests)
+        self._is_large = linear.n > self._policy.large
+        return tests
 
     def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:
         """The best explanation from the robust place; from least squares, or without the worst rows."""
-        best: Explanation[Place] | None = None
+        best = None if solution is None else self._by_one(solution)
+        if best is not None:
+            return best
         robust = self._robust(())
         for place in (robust, solution):
             found = None if place is None else self._adapted(place, is_robust=place is robust)
@@ -90,6 +103,8 @@ class Search(Generic[Place]):
                 best = with_slips(self._model, best)
             if best is not None and best.is_accepted and len(best.chosen) == 1:
                 return best  # several may be the price of a wrong place: look from the other
+            if best is not None and self._is_large and len(best.chosen) >= self._policy.most:
+                return best  # few errors do not carry a large model so far away
         if best is None:
             return None
         if best.is_accepted:
@@ -99,6 +114,14 @@ class Search(Generic[Place]):
         if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
         return best
+
+    def _by_one(self, solution: Place) -> Explanation[Place] | None:
+        """One hypothesis that explains all that least squares show, and is proved by its adjustment."""
+        if len(self._selected(self._tests(solution), [], is_robust=False)) != 1:
+            return None
+        found = self._adapted(solution, is_robust=False)
+        is_proved = found is not None and found.is_accepted and len(found.chosen) == 1
+        return found if is_proved else None
 
     def _in_place_of_several(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a start without what is as good as each of several: far off, one error looks like many."""
@@ -206,7 +229,7 @@ class Search(Generic[Place]):
         blocks = [i for i in best if self._hypotheses.is_block[i]]
         if len(best) > 1 or blocks:  # two rows may look like one group and another row
             rows = select(tests, rows_only=True)
-            left = tests.cost - tests.given(rows).took
+            left = tests.cost - tests.took(rows)
             spare = tests.linear.redundancy - len(rows)
             are_few = any(len(inside(tests, rows, block)) < needed(tests, block) for block in blocks)
             if are_few and left <= accepted(spare, self._policy):
@@ -242,7 +265,7 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     hypotheses = tests.hypotheses
     off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
     count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
-    is_told = hypotheses.is_block & ~hypotheses.needs_slip
+    is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
     left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy

@@ -34,7 +34,7 @@ class Explanation(Generic[Place]):
     @property
     def left(self) -> float:
         """Weighted sum of squares that they leave."""
-        return self.tests.cost - self.tests.given(self.chosen).took
+        return self.tests.cost - self.tests.took(self.chosen)
 
     @property
     def redundancy(self) -> int:

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
+MANY = (
+    "more contradicts the rest than a few errors do: look for what many observations share (names, units, a "
+    "model that is too simple), for sigmas that are too small, or use robust weights"
+)
+"""In place of a list: the search for single errors ended before nothing stood out any more."""
 _SCALINGS = 3
 """Rounds in which the variance factor of the noise is estimated; it grows, and seldom after the second."""
 
@@ -26,9 +31,12 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     chosen = list(found.chosen)
     is_accepted = found.is_accepted
     chosen = _of_its_noise(found.tests, chosen) if is_accepted else _beyond_noise(found)
+    if not is_accepted and len(chosen) >= found.tests.policy.most:
+        spare, said = found.tests.linear.redundancy, f"{reason}; {MANY}" if reason else MANY
+        return Verdict(Status.UNEXPLAINED, (), found.tests.cost, spare, said, many=len(chosen))
     found = with_slips(model, Explanation(found.price, found.tests, tuple(chosen), found.place, found.same))
     chosen, tests = list(found.chosen), found.tests
-    left = tests.cost - tests.given(chosen).took
+    left = tests.cost - tests.took(chosen)
     if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
@@ -54,7 +62,7 @@ def _remarks(tests: LinearTests, chosen: list[int]) -> list[int]:
     small = [i for i in chosen if tests.is_small(i, chosen)]
     rest = [i for i in chosen if i not in small]
     spare = tests.linear.redundancy - sum(map(tests.rank, rest))
-    return small if tests.cost - tests.given(rest).took <= accepted(spare, tests.policy) else []
+    return small if tests.cost - tests.took(rest) <= accepted(spare, tests.policy) else []
 
 
 def _of_sigmas(tests: LinearTests) -> float:
@@ -69,7 +77,7 @@ def _of_sigmas(tests: LinearTests) -> float:
 
 def _of_its_noise(tests: LinearTests, chosen: list[int]) -> list[int]:
     """Those that stand out of what the others leave, where that is more than announced, if not by much."""
-    left = tests.cost - tests.given(chosen).took
+    left = tests.cost - tests.took(chosen)
     tests.scale = max(1.0, left / max(tests.linear.redundancy - sum(map(tests.rank, chosen)), 1))
     return kept(tests, chosen)
 
@@ -78,7 +86,7 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
     """What stands out where the noise is larger than announced: tests reckon with what remains without it."""
     tests, chosen = found.tests, list(found.chosen)
     for _ in range(_SCALINGS):
-        left = tests.cost - tests.given(chosen).took
+        left = tests.cost - tests.took(chosen)
         redundancy = max(tests.linear.redundancy - sum(map(tests.rank, chosen)), 1)
         tests.scale = max(tests.scale, left / redundancy)
         other = min((select(tests), select(tests, chosen)), key=tests.price)
@@ -114,7 +122,7 @@ def _accusation(
     rest = [j for j in chosen if j != index]
     tested = tests.tests(tests.given(rest), rest)
     if not tested.statistic[index]:  # a block that is told for its slip
-        took = tests.given(chosen).took - tests.given(rest).took
+        took = tests.took(chosen) - tests.took(rest)
         tested.statistic[index], tested.limit[index] = took, tests.limit(tests.rank(index))
     others = equals(tests, tested, index)
     changes = [Change(j, *tests.sizes([*rest, j])[j]) for j in (index, *others)]

@@ -39,7 +39,10 @@ class Policy:
             four hundred passes; an error at the limit of its test (near 5) is lost only where the group shows
             less than a third of what its equations show one by one.
         sigmas: Rarity of sigmas that are all too small by one factor: as of groups.
-        steps: Iterations of all adjustments together.
+        columns: Equations of a group that takes them out one by one, up to which it is tested: each is solved
+            for, and all their products are kept.
+        steps, steps_of_large: Iterations of all adjustments together; of models with more equations than
+            `large`, where their time is that of a few adjustments.
     """
 
     false_alarm: float = 0.005
@@ -66,7 +69,9 @@ class Policy:
     large: int = 5000
     screen: float = 3.0
     sigmas: float = 4.0
+    columns: int = 1000
     steps: int = 240
+    steps_of_large: int = 60
 
     @property
     def margin(self) -> float:

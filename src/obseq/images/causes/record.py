@@ -94,7 +94,7 @@ def _suspect(named: Named, catalogue: Catalogue) -> SuspectRecord:
     if named.cause is CONTROL_COORDINATE:
         points = (KnownRecord(start.points[named.label[0]], "xyz"[named.label[1]]),)
     elif named.cause is CONTROL_POINT:
-        axes = numbering.control[numbering.control[:, 0] == named.label[0], 1]
+        axes = numbering.coordinates[numbering.coordinates[:, 0] == named.label[0], 1]
         points = tuple(KnownRecord(start.points[named.label[0]], "xyz"[axis]) for axis in axes)
     elif named.cause is IMAGE:
         images = (start.poses.images[named.label[0]],)
