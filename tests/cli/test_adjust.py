@@ -109,7 +109,7 @@ BAD = {
 
 
 def test_an_option_given_again_adds_its_files(site: Path, capsys) -> None:
-    (site / "more.obs").write_text("3 PtD PtC 22.81 0.005\n", encoding="utf-8")
+    (site / "more.obs").write_text("3 PtD PtC 22.83 0.005\n", encoding="utf-8")
     assert adjust("--obs", "more.obs", "--json", "again.json") == 0
     count = json.loads((site / "again.json").read_text(encoding="utf-8"))["n_observations"]
     assert count == 13
