@@ -131,7 +131,9 @@ class Equations:
     def _set_datum(self, points: Points, point_system: PointSystem) -> None:
         """Puts a free network on the components that are to carry its datum."""
         chosen = np.zeros((len(points), 3), np.bool_)
-        chosen[:, point_system.components] = points.in_datum & points.is_unknown
+        carrying = points.in_datum.any(axis=1, keepdims=True)
+        sought = points.in_datum & points.is_unknown
+        chosen[:, point_system.components] = sought | (carrying & points.is_held)  # held across the frame
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
             loose = loose_motions(self.system, self.points)
@@ -294,11 +296,11 @@ class Equations:
             found[rows] = self._grid_scales(rows, coordinates)
         return found
 
-    def horizons(self, points: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(k, 3, 3) east, north and up at points, by rows; axes of the frame in one that has no vertical."""
+    def verticals(self, points: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3) verticals at points; z in a frame that has none."""
         if not self._frame.has_vertical:
-            return np.tile(np.eye(3), (len(points), 1, 1))
-        return np.asarray(self._plumb.axes(points, coordinates))
+            return np.tile((0.0, 0.0, 1.0), (len(points), 1))
+        return np.asarray(self._plumb.axes(points, coordinates)[:, 2])
 
     def local_axes(self, coordinates: FloatArray) -> FloatArray:
         """(n, 3) what a metre east, north and up adds to components of vectors and positions.
