@@ -296,11 +296,11 @@ class Equations:
             found[rows] = self._grid_scales(rows, coordinates)
         return found
 
-    def verticals(self, points: IntArray, coordinates: FloatArray) -> FloatArray:
-        """(k, 3) verticals at points; z in a frame that has none."""
+    def horizons(self, points: IntArray, coordinates: FloatArray) -> FloatArray:
+        """(k, 3, 3) east, north and up at points, by rows; axes of the frame in one that has no vertical."""
         if not self._frame.has_vertical:
-            return np.tile((0.0, 0.0, 1.0), (len(points), 1))
-        return np.asarray(self._plumb.axes(points, coordinates)[:, 2])
+            return np.tile(np.eye(3), (len(points), 1, 1))
+        return np.asarray(self._plumb.axes(points, coordinates))
 
     def local_axes(self, coordinates: FloatArray) -> FloatArray:
         """(n, 3) what a metre east, north and up adds to components of vectors and positions.

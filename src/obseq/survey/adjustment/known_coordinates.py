@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 GROUP = "points"
 """The group of the constraints on coordinates, which MMVII's sigma0 leaves out."""
 COMPONENTS = ("x", "y", "z")
+_EARTH = 6.371e6
+"""Radius of the Earth (m), to some thousandths."""
 SAME_PLACE = 1e-3
 """After moves (m) below it the equations still hold to 1e-13 m, and what points carry along to 1e-3 / D."""
 
@@ -170,6 +172,20 @@ class KnownCoordinates:
         rows = np.concatenate([self._rows, self._correlated[0]])
         components = np.concatenate([self._components, self._correlated[1]])
         return np.column_stack([rows, components]).astype(np.int64)
+
+    @property
+    def curvature(self) -> float:
+        """Of the Earth (1/m) where coordinates are those of a map; 0 where they are those of the frame."""
+        return 0.0 if self._system.is_along_frame else 1.0 / _EARTH
+
+    def about_centre(self) -> FloatArray:
+        """(k, 3) coordinates in their system (m), about their centre, of the point of each equation."""
+        rows = np.concatenate([self._rows, self._correlated[0]])
+        tangents = self._tangents.of(self._linearised_at[self._known])
+        found = tangents.computed[np.searchsorted(self._known, rows)]
+        if not len(found):
+            return found
+        return np.asarray(self._system.differences(found, found.mean(axis=0)) * tangents.metres[:1])
 
     def places(self) -> dict[Batch, IntArray]:
         """Where the equations stand in `residuals`."""
