@@ -190,7 +190,7 @@ class DatumSolver:
 
         Motions that are held are held still, wherever they have led.
         """
-        if not self._n_held:
+        if not self._n_held and not len(self._wanted):
             return self._solver
         still, seen = partial(np.zeros, len(self._chosen)), self._seen
         added = None if seen is None else partial(_seen_damped, seen, np.sqrt(damping)[:, None])
