@@ -37,9 +37,9 @@ def test_a_wrong_observation_is_named_with_its_cause(planted, mistakes, mistake,
 @pytest.mark.slow(reason="a dozen rewritings are tried, each on the whole network")
 @pytest.mark.parametrize("mistake", OF_MANY)
 def test_one_cause_of_many_contradictions_is_named(planted, mistakes, mistake):
-    for seed in (8, 11):
-        count = planted.counted(getattr(mistakes, mistake), range(seed, seed + 1))
-        assert (count.named, count.first) == (1, 1)
+    """Of one network; `bench_gross_errors` counts those of many."""
+    count = planted.counted(getattr(mistakes, mistake), range(11, 12))
+    assert (count.named, count.first) == (1, 1)
 
 
 def test_honest_networks_raise_no_alarm(planted):

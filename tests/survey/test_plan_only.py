@@ -11,8 +11,10 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.formats import write_sinex
 from obseq.report import read_json
+from obseq.report.comparison import comparison_csv
 from obseq.report.listing import listing
-from obseq.survey import Network
+from obseq.survey import Network, compare
+from obseq.survey.planning.design import plan
 
 GON = 200.0 / math.pi
 KNOWN = {"A": (0.0, 0.0, 100.0), "B": (500.0, 30.0, 112.0), "C": (260.0, 420.0, 95.0)}
@@ -164,3 +166,23 @@ def test_a_network_of_plans_needs_no_heights(tmp_path, system):
 def test_observations_that_are_switched_off_give_no_height(tmp_path):
     found = _network(tmp_path, "-6 A P 90.23 0.001").adjust()
     assert np.isnan(found.points.coordinates[found.points.names.index("P"), 2])
+
+
+@pytest.mark.parametrize("lines", [[], ["6 A P 90.2 0.001"]], ids=["in neither epoch", "in one"])
+def test_epochs_say_nothing_of_a_height_that_one_does_not_observe(tmp_path, lines):
+    first = _network(tmp_path).adjust()
+    second = _network(tmp_path, *lines).adjust()
+    rows = {row.point: row for row in compare(first, second).record().displacements}
+    assert (rows["P"].z, rows["P"].up, rows["P"].s_up) == (None,) * 3
+    assert rows["P"].length == pytest.approx(np.hypot(rows["P"].east, rows["P"].north), abs=1e-12)
+    assert not rows["P"].is_significant and rows["P"].test.freedom == 2
+    assert rows["A"].up is not None
+    text = comparison_csv(compare(first, second).record())
+    (line,) = (line for line in text.splitlines() if line.startswith("P,"))
+    assert line.split(",")[6] == "" and line.split(",")[9] == ""
+
+
+def test_a_plan_reckons_with_no_height_that_nothing_observes(tmp_path):
+    planned = plan(_network(tmp_path, given="PQ"), draws=40, seed=3)
+    assert planned.draws.agrees and planned.draws.failed == 0
+    assert max(gain.before for gain in planned.gains) < 0.1  # m: no height of the curvature of the Earth

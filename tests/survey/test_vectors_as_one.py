@@ -7,7 +7,7 @@ import pytest
 
 from obseq.crs import parse
 from obseq.report import listing, summary
-from obseq.report.content import content
+from obseq.report.content import numbers_of, tables
 from obseq.report.verdict import Verdict
 from obseq.survey import Network, Quality
 
@@ -92,7 +92,7 @@ def test_reports_list_the_vectors_with_test_and_limit(adjusted):
     count = sum(item.statistic > 12.63 for item in record.joint)
     assert f"limit of T 12.63 (at 0.55 %), exceeded by {count} of 8, the worst" in summary(record)
     assert f"{worst.statistic:.2f}" in listing(record)
-    table = next(item for item in content(record)["tables"] if item["id"] == "vectors")
+    table = next(item for item in tables(record, numbers_of(record)) if item["id"] == "vectors")
     assert len(table["columns"][0]["values"]) == len(PAIRS)
     assert type(record).from_dict(record.to_dict()).joint == record.joint
 

@@ -35,10 +35,11 @@ class DisplacementRecord(Record, frozen=True):
 
     Attributes:
         point: its name.
-        x: in the frame, of the first epoch, as y and z; m.
+        x: in the frame, of the first epoch, as y and z; m. What is upwards is None where an epoch does not
+            observe the height.
         east: m, as north and up.
         s_east: standard deviation, m, as s_north and s_up.
-        length: m, in space.
+        length: m, in space, or in plan.
         ellipse: of the displacement in plan, at the level of the comparison.
         test: None for a point that is held in both epochs.
         is_reference: whether it belongs to the points that are taken to have stayed.
@@ -52,13 +53,13 @@ class DisplacementRecord(Record, frozen=True):
     point: str
     x: float
     y: float
-    z: float
+    z: float | None
     east: float
     north: float
-    up: float
+    up: float | None
     s_east: float
     s_north: float
-    s_up: float
+    s_up: float | None
     length: float
     ellipse: EllipseRecord
     test: TestRecord | None

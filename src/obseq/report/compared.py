@@ -144,8 +144,10 @@ def _lists(record: ComparisonRecord, rows: dict[str, int]) -> Iterator[Findings]
 
 def _moved(record: ComparisonRecord, point: str, rows: dict[str, int], level: Any = "bad") -> Finding:
     row = record.displacements[rows[point]]
-    spread = ", ".join(map(small, (row.s_east, row.s_north, row.s_up)))
-    moved = f"East {small(row.east)}, north {small(row.north)}, up {small(row.up)}"
+    spreads = (row.s_east, row.s_north, row.s_up)
+    spread = ", ".join(small(one) for one in spreads if one is not None)
+    up = "" if row.up is None else f", up {small(row.up)}"
+    moved = f"East {small(row.east)}, north {small(row.north)}{up}"
     text = f"{moved}; standard deviations {spread}."
     chance = "" if row.overall is None else f"by chance {row.overall:.2g} over all points"
     return Finding(level, name(point), text, small(row.length), chance, to=Place(point=rows[point]))

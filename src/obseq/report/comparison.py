@@ -54,7 +54,7 @@ def comparison_csv(record: ComparisonRecord) -> str:
     for row in record.displacements:
         numbers = (row.x, row.y, row.z, row.east, row.north, row.up, row.s_east, row.s_north, row.s_up)
         test = (row.test.statistic, row.test.limit, row.test.p_value) if row.test else ("", "", "")
-        cells = [row.point, *map(repr, numbers), *map(str, test)]
+        cells = [row.point, *("" if number is None else repr(number) for number in numbers), *map(str, test)]
         verdict = "" if record.obstacles else str(int(row.is_significant))
         overall = "" if row.overall is None else repr(row.overall)
         rows.append([*cells, overall, verdict, str(int(row.is_reference))])

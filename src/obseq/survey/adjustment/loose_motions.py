@@ -88,7 +88,9 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
         unknowns = _with_others(normal, unknowns, is_place)
     except SingularMatrixError:  # with all points known, others are undetermined: no motion is to blame
         return LooseMotions(0, unknowns[:, :0], parts, middles, basic[:, :0])
-    seen = _seen(normal, unknowns, is_place)
+    of_points = np.zeros(len(table.values), np.bool_)
+    of_points[places] = True
+    seen = _seen(normal, unknowns, of_points)
     size = np.einsum("pik,pil->kl", moves, moves) / len(moves)
     chosen, _ = _modes(seen, size)
     most = np.abs(seen @ chosen).max(axis=0, initial=0.0)
@@ -197,24 +199,27 @@ def _resistance(normal: NormalEquations, amounts: FloatArray) -> FloatArray:
     return np.asarray(rows.T @ rows)
 
 
-def _seen(normal: NormalEquations, unknowns: FloatArray, is_place: BoolArray) -> FloatArray:
+def _seen(normal: NormalEquations, unknowns: FloatArray, of_points: BoolArray) -> FloatArray:
     """(m, k) what equations see of motions, as shares of what they see of points."""
     shares = [np.zeros((0, unknowns.shape[1]))]
     for batch in (*normal.batches, *normal.constraints):
-        moved, alone = _moved(normal, batch, unknowns, is_place)
+        moved, alone = _moved(normal, batch, unknowns, of_points)
         sees = batch.active & (alone > 0.0)
         shares.append(moved[sees] / alone[sees, None])
     return np.concatenate(shares)
 
 
 def _moved(
-    normal: NormalEquations, batch: Batch, unknowns: FloatArray, is_place: BoolArray
+    normal: NormalEquations, batch: Batch, unknowns: FloatArray, of_points: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(n, k) changes of residuals by motions, and (n,) the lengths of their derivatives by points."""
-    derivatives, numbers = jacobian_rows(normal.table, batch)[1:], normal.free.number[batch.scalars()]
-    derivatives = np.where(numbers >= 0, derivatives, 0.0)
-    moved = np.einsum("cn,cnk->nk", derivatives, unknowns[numbers])
-    return moved, np.linalg.norm(derivatives * is_place[numbers], axis=0)
+    """(n, k) changes of residuals by motions, and (n,) the lengths of their derivatives by points.
+
+    What is held of a point counts in these: what an equation sees of it is no less.
+    """
+    derivatives, scalars = jacobian_rows(normal.table, batch)[1:], batch.scalars()
+    numbers = normal.free.number[scalars]
+    moved = np.einsum("cn,cnk->nk", np.where(numbers >= 0, derivatives, 0.0), unknowns[numbers])
+    return moved, np.linalg.norm(derivatives * of_points[scalars], axis=0)
 
 
 def _modes(seen: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -91,7 +91,7 @@ class Comparison:
     @property
     def is_quiet(self) -> bool:
         """Whether nothing has moved, and each epoch agrees with its known points."""
-        agree = all(epoch.is_complete and fits(epoch) for epoch in self.epochs)
+        agree = all(epoch.is_whole and fits(epoch) for epoch in self.epochs)
         return agree and self.congruence.passed and not (self.significant or self.marginal)
 
     @property
@@ -165,6 +165,8 @@ class Comparison:
         )
         for row, (name, place, vector, spread, ellipse, test) in enumerate(rows):
             x, y, z, east, north, up, s_east, s_north, s_up = np.concatenate([place, vector, spread]).tolist()
+            if moved.without_height is not None and moved.without_height[row]:
+                z = up = s_up = None
             yield DisplacementRecord(
                 name,
                 x,

@@ -8,6 +8,7 @@ covariance of what both know alike), and the cofactors of the displacements are 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,7 @@ class Displacements:
         vectors: (n, 3) m, in the frame.
         cofactors: (3 n, 3 n) of all of them, m^2 for sigma0 1.
         tested: (n,) points that are not held in both epochs.
+        without_height: (n,) points whose height an epoch does not observe; None for none.
     """
 
     names: tuple[str, ...]
@@ -40,6 +42,7 @@ class Displacements:
     vectors: FloatArray
     cofactors: FloatArray
     tested: BoolArray
+    without_height: BoolArray | None = None
 
     def block(self, row: int) -> FloatArray:
         """(3, 3) cofactors of one displacement."""
@@ -51,16 +54,15 @@ class Displacements:
         scalars = (3 * rows[:, None] + np.arange(3)).ravel()
         names = tuple(self.names[row] for row in rows.tolist())
         chosen = self.cofactors[np.ix_(scalars, scalars)]
-        return Displacements(names, self.places[rows], self.vectors[rows], chosen, self.tested[rows])
+        lacking = None if self.without_height is None else self.without_height[rows]
+        return Displacements(names, self.places[rows], self.vectors[rows], chosen, self.tested[rows], lacking)
 
     def turned(self, axes: FloatArray) -> Displacements:
         """The same along other axes at each point, (n, 3, 3) by rows."""
         blocks = self.cofactors.reshape(len(self.names), 3, len(self.names), 3)
         turned = np.einsum("nij,njmk,mlk->niml", axes, blocks, axes, optimize=True)
         vectors = np.einsum("nij,nj->ni", axes, self.vectors)
-        return Displacements(
-            self.names, self.places, vectors, turned.reshape(self.cofactors.shape), self.tested
-        )
+        return replace(self, vectors=vectors, cofactors=turned.reshape(self.cofactors.shape))
 
 
 def displacements(first: Adjustment, second: Adjustment, names: tuple[str, ...]) -> Displacements:
@@ -91,12 +93,15 @@ def displacements(first: Adjustment, second: Adjustment, names: tuple[str, ...])
     crossed = common(given(first, names), given(second, names))
     known = [epoch.points.points.subset(row) for epoch, row in zip((first, second), rows, strict=True)]
     held = [points.is_held.all(axis=1) for points in known]
+    unknown = known[0].is_invented | known[1].is_invented
+    seen = ~unknown.ravel()
     return Displacements(
         names,
         places[0],
-        places[1] - places[0],
-        q1 + q2 - crossed - crossed.T,
+        np.where(unknown, 0.0, places[1] - places[0]),
+        (q1 + q2 - crossed - crossed.T) * np.outer(seen, seen),
         np.asarray(~(held[0] & held[1])),
+        np.asarray(unknown[:, 2]),
     )
 
 
