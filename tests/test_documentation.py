@@ -28,6 +28,7 @@ WITH_EXAMPLES = [
     ROOT / "docs" / "planning.md",
     ROOT / "docs" / "scaling.md",
     ROOT / "docs" / "one-adjustment.md",
+    ROOT / "docs" / "equation-families.md",
     ROOT / "docs" / "survey-files.md",
 ]
 OF_ROOMS = {"coordinate-systems.md", "extend.md", "targets.md", "write-a-formula.md"}

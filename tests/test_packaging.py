@@ -174,6 +174,7 @@ def files_of_packages() -> set[str]:
     data = {
         "obseq/codegen/templates": "codegen/templates",
         "obseq/report/web": "src/obseq/report/web",
+        "obseq/formats/data": "src/obseq/formats/data",
         "obseq/survey/data": "src/obseq/survey/data",
     }
     return expected | {

@@ -20,6 +20,8 @@ DAY = 86400.0
 
 STANDARD_OUTPUT = Path("/dev/stdout")
 """What is written there goes to where the program prints, in its turn."""
+SECOND = "-without-accused"
+"""What the names of the files of a second adjustment end with."""
 INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM)
 LEFTOVER = re.compile(r"\.obseq-[0-9a-f]{12}-(?P<machine>[0-9a-f]{8})-(?P<process>\d+)\.(part|old)")
 

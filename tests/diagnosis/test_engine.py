@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, csr_array, identity
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear import Linear
+from obseq.diagnosis.linear import Linear, diagonal
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Slip
@@ -73,7 +73,7 @@ class Linearly:
             csr_array(self.matrix),
             csr_array(identity(N)),
             csc_array(inverse),
-            leverages,
+            diagonal(leverages),
             lambda right: inverse @ right,
             N - U,
         )
@@ -111,7 +111,7 @@ def test_statistics_are_what_columns_as_unknowns_take(chosen: tuple[int, ...]) -
     own = [model.hypotheses.of(i) for i in chosen]
     known = np.hstack([matrix, *(columns()[:, part] for part in own)])
     before = cost(known, noise)
-    assert tests.cost - given.took == pytest.approx(before)
+    assert tests.cost - tests.took(chosen) == pytest.approx(before)
     found = tests.tests(given, chosen)
     for index in range(len(model.hypotheses)):
         if index in chosen or (chosen == (N + 1,) and index < 8):
@@ -236,3 +236,74 @@ def test_an_effect_within_a_sigma_is_accused_where_the_overall_test_rejects_with
 @pytest.mark.parametrize("status", Status)
 def test_only_an_accepted_diagnosis_is_quiet(status: Status) -> None:
     assert DiagnosisRecord(status.value, 1.0, 1).is_quiet == (status is Status.ACCEPTED)
+
+
+class Counting(Linearly):
+    """The same, robust starts counted."""
+
+    def __init__(self, matrix: Array, noise: Array) -> None:
+        super().__init__(matrix, noise)
+        self.starts: list[int] = []
+
+    def robust(self, without: Sequence[Change] = ()) -> Array:
+        self.starts.append(len(without))
+        return super().robust(without)
+
+
+def test_one_error_is_proved_where_least_squares_ended_and_several_from_a_robust_start() -> None:
+    matrix, noise = rows_of(7)
+    noise[12] += 50.0
+    model = Counting(matrix, noise)
+    assert [one.change.index for one in diagnose(model).accused] == [12]
+    assert model.starts == [] and model.adjustments == 1
+    noise[20] -= 40.0
+    model = Counting(matrix, noise)
+    assert sorted(one.change.index for one in diagnose(model).accused) == [12, 20]
+    assert model.starts[0] == 0
+
+
+def everywhere(seed: int) -> tuple[Array, Array]:
+    """Errors of all sizes in all observations."""
+    matrix, _ = rows_of(seed)
+    return matrix, 30.0 * np.random.default_rng(seed).standard_cauchy(N)
+
+
+def test_all_of_many_errors_are_told_where_they_explain_everything() -> None:
+    matrix, noise = rows_of(8)
+    noise[8:24] += 60.0 * np.random.default_rng(1).choice([-1.0, 1.0], 16)
+    verdict = diagnose(Linearly(matrix, noise))
+    assert verdict.status is Status.EXPLAINED
+    assert sorted(one.change.index for one in verdict.accused) == list(range(8, 24))
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_errors_everywhere_accuse_nobody(seed: int) -> None:
+    verdict = diagnose(Linearly(*everywhere(seed)))
+    assert verdict.status is Status.UNEXPLAINED and not verdict.accused
+
+
+def test_large_models_stop_after_fewer_iterations_and_small_ones_say_when_theirs_are_spent() -> None:
+    model = Counting(*everywhere(0))
+    diagnose(model, replace(POLICY, large=1))
+    assert model.starts == [0]  # too many: another start would not make them few
+    verdict = diagnose(Counting(*everywhere(0)), replace(POLICY, steps=1))
+    assert "the 1 iterations for that are spent" in verdict.reason
+
+
+@pytest.mark.parametrize("size", [9.0, 1e4])
+@pytest.mark.parametrize("seed", range(3))
+def test_two_and_three_errors_are_named_with_their_sizes(seed: int, size: float) -> None:
+    matrix, noise = rows_of(20 + seed)
+    planted = {9: size, 17: -1.3 * size, 30: 1.7 * size}
+    for row, error in planted.items():
+        noise[row] -= error
+    verdict = diagnose(Linearly(matrix, noise))
+    assert verdict.status is Status.EXPLAINED
+    found = {one.change.index: one.change for one in verdict.accused}
+    assert sorted(found) == sorted(planted)
+    for row, error in planted.items():
+        assert abs(found[row].size[0] - error) < 5.0 * found[row].sigma[0]
+    redundancy = N - U - 3
+    assert verdict.redundancy == redundancy and verdict.left < 3.0 * redundancy
+    tests = [one.test / one.limit for one in verdict.accused]
+    assert tests == sorted(tests, reverse=True)

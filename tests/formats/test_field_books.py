@@ -300,3 +300,56 @@ def test_what_is_wrong_is_told(tmp_path, name, text, message):
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=message):
         Network.read_project(tmp_path / name, sigmas=SIGMAS)
+
+
+def test_an_instrument_of_the_library_is_enough(job, monkeypatch, capsys):
+    """Total station of 2 sec by ISO 17123-3: 2.83 sec in one face, 2 sec for the means of both."""
+    monkeypatch.chdir(job)
+    network = Network.read_project(
+        job / "job.jxl", instrument="total-station-2sec", point_files=job / "known.csv"
+    )
+    rows = network.book.observations
+    angles = rows.active & np.isin(rows.types, [5, 6])
+    np.testing.assert_allclose(rows.sigmas[angles], 2 * np.pi / 648000, rtol=1e-3)
+    own = Network.read_project(job / "job.jxl", instrument="total-station-2sec", sigmas=["direction=9sec"])
+    assert own.book.observations.sigmas[own.book.observations.types == 5].max() > 30e-6
+    assert main(["convert", "job.jxl", "--to", "w.obs", "--instrument", "total-station-2sec"]) == 0
+    assert (
+        main(["adjust", "w.obs", "known.csv", "--instrument", "total-station-5sec", "--json", "w.json"]) == 1
+    )
+    told = " ".join(capsys.readouterr().out.split())
+    text = "are those of the stochastic model: horizontal direction, clockwise 21.8 cc (10) of TS-A"
+    assert text in told
+    assert main(["adjust", "job.jxl", "known.csv", "--instrument", "TS9"]) == 2
+    assert (
+        "--instrument TS9: it is none of total-station-0.5sec, total-station-1sec" in capsys.readouterr().err
+    )
+
+
+def test_an_instrument_of_a_file_goes_before_its_default(tmp_path):
+    from obseq.formats import stochastic_model
+
+    (tmp_path / "w.toml").write_text(
+        'direction = "9sec"\nzenith = "9sec"\n[instrument.TS]\ndirection = "1sec"\n'
+    )
+    found = stochastic_model(tmp_path / "w.toml", "TS")
+    assert found.of("") == pytest.approx({"direction": np.pi / 648000, "zenith": 9 * np.pi / 648000})
+    assert found.of("TS")["direction"] == pytest.approx(np.pi / 648000)
+
+
+def test_set_ups_with_another_error_than_their_instrument_are_named(tmp_path):
+    """The second face at S3 reads 40 arc seconds more: half of it is 61.7 cc more of collimation."""
+    from dataclasses import replace
+
+    setups = simulated.job()
+    third = setups[2]
+    shots = [
+        replace(shot, circle=(shot.circle + 40 * (shot.face - 1)) % simulated.TURN) for shot in third.shots
+    ]
+    setups[2] = replace(third, shots=shots)
+    (tmp_path / "a.sdr").write_text("\n".join(simulated.sdr(setups)) + "\n")
+    told = Network.read_project(tmp_path / "a.sdr", sigmas=SIGMAS).book.warnings
+    (said,) = [text for text in told if "collimation error of TS-A" in text]
+    others = said.split("other in ")[1]
+    assert others.startswith("2 set-ups: S1 (+") and "S3 (-5" in others
+    assert not any("other in" in text for text in told if "TS-B" in text)

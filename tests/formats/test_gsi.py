@@ -142,3 +142,27 @@ def test_a_field_book_becomes_other_files(tmp_path, monkeypatch):
     assert main(["convert", "job.gsi", "--to", "site.obs", *sigmas]) == 0
     assert main(["adjust", "job.gsi", "known.cor", "--refraction", "1", *sigmas]) == 0
     assert main(["adjust", "site.obs", "known.cor", "--refraction", "1"]) == 0
+
+
+def test_staffs_of_digital_levels_give_height_differences(tmp_path):
+    """BFFB: mean of both pairs; then BF without the result of the turn between. Published sample values."""
+    lines = [
+        "410001+?......2",
+        "110002+0000BM10 83...6+02500000",
+        "110003+0000BM10 32...8+02250000 331.08+00162345",
+        "110004+000000A1 32...8+02280000 332.08+00110220",
+        "110005+000000A1 32...8+02280000 336.08+00110232",
+        "110006+0000BM10 32...8+02250000 335.08+00162351",
+        "110007+000000A1 571..8+00000006 574..8+04530000 83..08+25052122",
+        "110008+000000A1 32...8+02710000 331.08+00131010",
+        "110009+000000IS 32...8+02000000 333.08+00131010",
+        "110010+0000BM11 32...8+02670000 332.08+00195544",
+    ]
+    (tmp_path / "a.gsi").write_text("\n".join(lines) + "\n")
+    book = Network.read_project(tmp_path / "a.gsi", sigmas=["height-per-km=1mm"]).book
+    rows, names = book.observations, book.point_names
+    ends = [(names[a], names[b]) for a, b in zip(rows.from_points, rows.to_points, strict=True)]
+    assert ends == [("BM10", "A1"), ("A1", "BM11")]
+    np.testing.assert_allclose(rows.values, [0.52122, -0.64534], atol=1e-9)
+    np.testing.assert_allclose(rows.sigmas, 1e-3 * np.sqrt([0.0453, 0.0538]))
+    assert "1 intermediate readings of a levelling staff are left out" in " ".join(book.warnings)

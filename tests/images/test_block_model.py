@@ -8,6 +8,7 @@ import scenes
 from accused import diagnosis
 
 from obseq.diagnosis.engine import diagnose
+from obseq.images import ControlPoints
 from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 
@@ -65,3 +66,29 @@ def test_the_size_of_an_image_point_is_given_minus_right_and_its_place_is_said()
     assert one.size == pytest.approx([40.0, -10.0], abs=2.0)
     (place,) = one.observations
     assert place.row == 20
+
+
+def test_a_wrong_coordinate_that_is_held_is_named_with_its_size():
+    block = _block()
+    block.control = ControlPoints.of(block.control.names, block.control.coordinates)
+    block.control.coordinates[2, 1] += 0.8
+    (one,) = diagnosis(block).accused
+    assert one.what == "y of control point P2"
+    assert one.size == pytest.approx([0.8], abs=0.02)
+    (known,) = one.points
+    assert (known.name, known.coordinate) == ("P2", "y")
+
+
+def test_a_held_point_that_is_elsewhere_is_named_as_a_whole():
+    block = _block()
+    block.control = ControlPoints.of(block.control.names, block.control.coordinates)
+    block.control.coordinates[3] += [1.5, -2.0, 0.7]
+    (one,) = diagnosis(block).accused
+    assert one.what == "control point P3"
+    assert one.size == pytest.approx([1.5, -2.0, 0.7], abs=0.02)
+
+
+def test_nothing_is_wrong_with_what_is_held_rightly():
+    block = _block()
+    block.control = ControlPoints.of(block.control.names, block.control.coordinates)
+    assert diagnosis(block).status == "accepted"

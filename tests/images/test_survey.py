@@ -95,3 +95,49 @@ def test_a_point_known_twice_is_refused(survey):
     block.add_control_points(ControlPoints.of(["S"], [[6.0, -5.0, 1.0]], 0.01))
     with pytest.raises(InputError, match="point 'S' is a control point, and known in the survey network too"):
         block.add_survey(survey(scenes.block()[2]))
+
+
+def test_a_camera_is_a_point_and_a_station_of_the_survey(tmp_path):
+    """A distance to a projection centre, directions in the axes of a camera: as the formulas say by name."""
+    import obseq
+
+    block, poses, truth = scenes.block()
+    image, other = poses.images[0], poses.images[1]
+    rotation, centre = poses.rotations[0], poses.centres[0]
+    x, y, z = rotation.T @ (truth["P3"] - centre)
+    length = float(np.linalg.norm(poses.centres[1] - truth["P4"]))
+    hz, zen = np.arctan2(x, y), np.arctan2(np.hypot(x, y), z)
+    lines = [f"3 P4 {other} {length:.9f} 0.0001", "#CAM"]
+    lines += [
+        f"5 {image} P3 {hz * 200 / np.pi:.10f} 0.0005",
+        f"6 {image} P3 {zen * 200 / np.pi:.10f} 0.0005",
+    ]
+    (tmp_path / "s.obs").write_text("\n".join(lines) + "\n")
+    (tmp_path / "s.cor").write_text("0 P3 0 0 0\n")
+    network = Network.read(tmp_path / "s.obs", tmp_path / "s.cor", frame="Local", refraction=1.0)
+    by_name = obseq.Adjustment()
+    by_name.add_images(scenes.block()[0])
+    by_name.add("TopoDist", origin="P4", target=other, distance=round(length, 9), sigma=0.0001)
+    sigma = 0.0005 * np.pi / 200
+    by_name.add("TopoHz", station=image, target="P3", hz=hz, sigma=sigma)
+    by_name.add("TopoZen", station=image, target="P3", zenith=zen, refraction=0.0, sigma=sigma)
+    block.add_survey(network)
+    solution, expected = block.solve(), by_name.solve()
+    np.testing.assert_allclose(solution.poses.centres, expected.images.poses.centres, atol=1e-8)
+    np.testing.assert_allclose(solution.centre_covariances, expected.images.centre_covariances, rtol=1e-5)
+    assert solution.sigma0 == pytest.approx(expected.sigma0, rel=1e-7)
+    (part,) = solution.surveys
+    assert np.isfinite(part.residuals(solution.result)).all()
+
+
+def test_a_camera_without_an_image_is_told(tmp_path):
+    (tmp_path / "s.obs").write_text("#CAM\n5 nobody P3 10 0.001\n5 nobody P4 20 0.001\n")
+    block, _, truth = scenes.block()
+    x, y, z = truth["P3"]
+    (tmp_path / "s.cor").write_text(f"1 nobody {x + 3} {y} {z} 0.01 0.01 0.01\n")
+    network = Network.read(tmp_path / "s.obs", tmp_path / "s.cor", frame="Local")
+    with pytest.raises(InputError, match="its station is a camera"):
+        network.initial_values()
+    block.add_survey(network)
+    with pytest.raises(InputError, match=r"station nobody is a camera \(#CAM\), but no image is called so"):
+        block.solve()

@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from obseq import InputError
+from obseq.survey.diagnosing.without_accused import without_accused
+
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 sys.path.insert(0, str(TOOLS))
 
@@ -51,6 +54,14 @@ def test_a_geoid_is_told_with_its_height_which_changes_lengths_on_the_ground(tmp
     height, east, north = one.size
     assert abs(height + 45.0) < 5.0 * one.sigma[0]
     assert 1e-2 < np.hypot(east, north) < 6e-2  # metres in a kilometre
+
+
+def test_what_is_wrong_with_all_known_points_cannot_be_left_out(tmp_path):
+    random = np.random.default_rng(SEED)
+    changed, _ = vectors.geoid(vectors.vectors(random), random)
+    adjustment = bench._survey(tmp_path, changed)[1]
+    with pytest.raises(InputError, match="all known points"):
+        without_accused(adjustment.points.points, adjustment.book, adjustment.diagnosis)
 
 
 @pytest.mark.slow

@@ -1,6 +1,8 @@
 """Comp3D projects, against the numbers of Comp3D and those of its equations on the ellipsoid."""
 
 import json
+import re
+import shutil
 
 import numpy as np
 import pytest
@@ -161,6 +163,30 @@ def test_ignored_points_take_their_observations_along(tmp_path):
     )
 
 
+@pytest.mark.parametrize(("kind", "told"), [(1, "a propagation"), (2, "a simulation")])
+def test_projects_that_are_no_adjustments_are_planned(shared_data, tmp_path, capsys, kind, told):
+    """Inner constraints; the precisions are those that Comp3D's own inversion gives, a priori."""
+    source = shared_data / "comp3d-no-redundancy"
+    shutil.copytree(source, tmp_path / "case")
+    path = tmp_path / "case" / "project.comp"
+    path.write_text(re.sub(r'"compute_type": *0', f'"compute_type": {kind}', path.read_text()))
+    assert main(["plan", str(path), "--no-gains", "--out", str(tmp_path / "out")]) == 0
+    assert f"it is {told}, to be planned: obseq plan project.comp" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    found = {
+        p["name"]: p for p in json.loads((tmp_path / "out" / "plan.json").read_text())["adjustment"]["points"]
+    }
+    expected = json.loads((source / "expected.json").read_text())["points"]
+    checked = 0
+    for name, point in expected.items():
+        for axis, row in zip("xyz", (0, 3, 5), strict=True):  # of xx, xy, xz, yy, yz, zz
+            wanted = np.sqrt(point["cov6"][row])
+            assert found[name][f"s{axis}"] == pytest.approx(wanted, rel=1e-4, abs=1e-9), (name, axis)
+            checked += 1
+    assert checked == 12
+
+
 def test_a_datum_is_chosen(tmp_path, capsys):
     lines = LINES + "3 A B 100.004 0.001\n3 A B 100.005 0.001\n6 A B 100 0.001\n6 A P 100 0.001\n"
     path = written(tmp_path, lines=lines)
@@ -208,7 +234,7 @@ def test_polar_sub_frames(tmp_path):
         ({"config": {"files_unit": 1.0}}, "config.files_unit is 1.0; it goes from 0 to 3"),
         ({"config": {"refraction": "k"}}, "config.refraction is 'k'"),
         ({"config": {"root_OBS_file": "none.obs"}}, "none.obs: there is no such file"),
-        ({"config": {"compute_type": 2}}, "only adjustments"),
+        ({"config": {"compute_type": 3}}, "config.compute_type is 3; it is 0, 1 or 2"),
         ({"lines": "@o.obs\n"}, "more than 5 levels deep"),
         ({"lines": "@../../o.obs\n"}, "outside the folder of the project"),
         ({"lines": "10 A B 1 1\n"}, "o.obs:1: '10' is not a code of Comp3D"),

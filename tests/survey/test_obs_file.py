@@ -155,7 +155,7 @@ def test_a_minus_before_the_code_switches_the_line_off(tmp_path):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("#FXI", "unknown keyword '#FXI'; alone on a line: #FIX, #VERT, #BASC, #GRID, #NEW"),
+        ("#FXI", "unknown keyword '#FXI'; alone on a line: #FIX, #VERT, #BASC, #GRID, #CAM, #NEW"),
         ("#FIX 5 A B", "unknown keyword"),
         ("#fix", "unknown keyword"),
         ("23 A B 1 1", "unknown code 23"),

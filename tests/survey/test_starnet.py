@@ -266,6 +266,15 @@ def test_sigmas_may_be_in_feet(tmp_path, given, metres):
     assert rows(network)[-1][4] == pytest.approx(metres, rel=1e-12)
 
 
+def test_levelling_may_be_weighed_by_turns(tmp_path):
+    """Four turns of 0.3 mm are 0.6 mm; four metres are no way."""
+    lines = SPACE.format("L A-P 1.5 4")
+    assert rows(read(tmp_path, lines, sigmas=["height-per-turn=0.3mm"]))[-1][4] == pytest.approx(6e-4)
+    assert rows(read(tmp_path, lines, sigmas=["height-per-km=1mm"]))[-1][4] == pytest.approx(
+        1e-3 * 0.004**0.5
+    )
+
+
 VECTORS = """.3D
 .UNITS Meters DMS
 .ORDER EN

@@ -15,7 +15,7 @@ of CPU seconds is that of the two.
 | refused, crash | an error that says nothing of them; of any other kind than those of the package |
 
 The rates of the present version are in `diagnosis.json`: 16 seeds of each class of networks and sites from
-7000 on, 60 of blocks from 1000 on, 300 of what has no error from 20000 on.
+9000 on, 60 of blocks from 1000 on, 2,003 of what has no error from 20000 and 30000 on.
 
 Example:
     python tools/benchmarks/bench_diagnosis.py --first 1000 --json tools/benchmarks/diagnosis.json

@@ -1,6 +1,7 @@
 """Recall and accuracy of coded targets over size, tilt, blur, noise, contrast and distortion.
 
     python tools/benchmarks/bench_targets.py [--targets 16] [--lines base size] [--families CERN14] [--time]
+    python tools/benchmarks/bench_targets.py --large
 
 Each entry: targets found of those shown, wrong names, rms of the distance to the true centre (pixels), the
 same as the covariances state it, and the mean of the squared error over the stated one. Where OpenCV is
@@ -33,12 +34,14 @@ BASE_SCENE = {"sizes": (70.0, 70.0), "tilts": (25.0, 25.0), "contrast": (150.0, 
 LINES: list[tuple[str, dict[str, Any], dict[str, Any], float, int]] = [
     ("base", {}, {}, 0.0, 92),
     *((f"size {size:g}", {"sizes": (size, size)}, {}, 0.0, 92) for size in (16.0, 20.0, 25.0, 30.0, 45.0)),
-    ("size 120", {"sizes": (120.0, 120.0)}, {}, 0.0, 92),
+    *((f"size {size:g}", {"sizes": (size, size)}, {}, 0.0, 92) for size in (120.0, 300.0)),
     *((f"tilt {tilt:g}", {"tilts": (tilt, tilt)}, {}, 0.0, 92) for tilt in (0.0, 45.0, 60.0, 70.0)),
     *((f"blur {blur:g}", {}, {"blur": blur}, 0.0, 92) for blur in (0.6, 1.5, 2.2, 3.0)),
     *((f"noise {noise:g}", {}, {"noise": noise}, 0.0, 92) for noise in (0.5, 8.0, 15.0)),
     *((f"contrast {c:g}", {"contrast": (c, c)}, {}, 0.0, 92) for c in (40.0, 25.0, 12.0)),
-    ("distortion -0.15", {}, {}, -0.15, 92),
+    *((f"distortion {k:g}", {}, {}, k, 92) for k in (-0.15, 0.15)),
+    ("ramp of 50 %", {}, {"ramp": 0.5}, 0.0, 92),
+    ("half hidden", {"hidden": 1.0}, {}, 0.0, 92),
     ("motion 3", {}, {"motion": 3.0}, 0.0, 92),
     ("no JPEG", {}, {}, 0.0, 0),
     ("JPEG 50", {}, {}, 0.0, 50),
@@ -131,6 +134,26 @@ def meet(corner: Any) -> Any:
     return a + share[0] * (c - a)
 
 
+def large(family: str, is_textured: bool) -> str:
+    """Seconds of processor and memory of an image of 24 megapixels with 60 targets."""
+    spec = made(*FAMILIES[family])
+    camera = Camera("large", 6000, 4000, 6000.0, np.array([2999.5, 1999.5]), distortion={"K1": -0.05})
+    scenery = np.full((4000, 6000), 110.0, dtype=np.float32)
+    random = np.random.default_rng(1)
+    for size in (1, 2, 4, 8, 16, 32) if is_textured else ():
+        grains = random.normal(0.0, 7.0, (4000 // size + 1, 6000 // size + 1)).astype(np.float32)
+        scenery += np.kron(grains, np.ones((size, size), dtype=np.float32))[:4000, :6000]
+    scene = Scene(60, (40.0, 150.0), (0.0, 50.0), (110.0, 170.0), seed=3)
+    image, truths = photograph(
+        camera, random_sheets(camera, [spec], scene), Conditions(seed=3), scenery=scenery
+    )
+    finder = Finder([spec])
+    finder.find(np.zeros((200, 200), dtype=np.uint8))
+    start = time.process_time()
+    row = summary([Trial(truths, finder.find(image))])
+    return f"{row.found}/{row.visible} {row.wrong} {time.process_time() - start:.1f} s"
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -138,8 +161,17 @@ def main() -> None:
     parser.add_argument("--lines", nargs="+", default=[""], help="those whose names begin so")
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), choices=FAMILIES)
     parser.add_argument("--time", action="store_true", help="processor time of a target, too")
+    parser.add_argument("--large", action="store_true", help="only images of 24 megapixels, with their time")
     options = parser.parse_args()
+    if options.large:
+        for family in options.families:
+            print(
+                f"24 Mpx, {family}: plain {large(family, False)}, textured {large(family, True)}", flush=True
+            )
+        return
     has_opencv = importlib.util.find_spec("cv2") is not None
+    if not has_opencv:
+        print("OpenCV is not installed: nothing stands beside")
     for line in LINES:
         if line[0].startswith(tuple(options.lines)):
             entries = []

@@ -21,7 +21,7 @@ from obseq.errors import InputError, ObseqError
 from obseq.printable import composed, printable
 from obseq.records.adjustment import AdjustmentRecord, PhaseRecord
 from obseq.stopwatch import Stopwatch
-from obseq.writing import STANDARD_OUTPUT, check_writable
+from obseq.writing import SECOND, STANDARD_OUTPUT, check_writable
 
 if TYPE_CHECKING:
     from obseq.survey import Network
@@ -41,9 +41,6 @@ example:
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
 the JSON); 1 the iterations did not converge, points were left out, or observations that no file switches
 off, gross errors are suspected, or snooping or --without-accused left some out; 2 could not run"""
-
-SECOND = "-without-accused"
-"""What the names of the files of a second adjustment end with."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,17 +23,18 @@ from obseq.cli.parsing import (
 )
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE
-from obseq.errors import noting
+from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
-from obseq.writing import check_writable, write_all
+from obseq.printable import printable
+from obseq.writing import SECOND, check_writable, write_all
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Callable, Mapping
 
     from obseq.formats.blocks.catalogue import BlockWriter
     from obseq.images import BundleAdjustment, BundleSolution
     from obseq.images.output.block_record import BundleRecord
+    from obseq.images.poses import Poses
 
 MORE = """
 A block is given by tables with a line of column names (cameras, images with or without poses,
@@ -116,6 +119,11 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
     )
     add_iterations(computation, "levenberg-marquardt")
     computation.add_argument(
+        "--without-accused",
+        action="store_true",
+        help="adjust again without what is accused, where that explains all; files end with -without-accused",
+    )
+    computation.add_argument(
         "--threads", type=positive_integer, default=1, metavar="N", help="how many share the work"
     )
 
@@ -123,15 +131,12 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     outputs = _outputs(arguments)
-    text = outputs.get("text")
+    second = _second(outputs).values() if arguments.without_accused else ()
     others = [path for writer, place in _asked(arguments) for path in writer.places(place)]
-    check_writable([*outputs.values(), *others], inputs(arguments))
+    check_writable([*outputs.values(), *second, *others], inputs(arguments))
     with Progress("loading") as progress:
-        from obseq.images.causes.diagnosing import diagnosed
         from obseq.images.causes.refusals import explained
         from obseq.images.output.overview import overview
-        from obseq.images.output.record import record_of
-        from obseq.images.output.summary import summary
 
         progress("reading")
         block, datum = read_block(arguments)
@@ -145,19 +150,71 @@ def run(arguments: argparse.Namespace) -> int:
             progress.tell(read)
             with explained(block, progress, **options):
                 solution = _solve(block, options, progress)
-        boundary = Boundary()
-        search = partial(diagnosed, solution, given, progress, **options)
-        diagnosis = boundary.attempt("the search for errors", search, None)
-        progress("writing")
-        record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
-        boundary = Boundary()
-        files = boundary.texts(_writers(outputs, solution, record))
-        files |= _written(arguments, solution, boundary)
-        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
-        shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
-        write_all(files | ({} if text is None else {text: shown + read}))
+        record, shown = _reported(solution, given, arguments, outputs, options, progress, read)
     say(shown, outputs.values())
+    if arguments.without_accused:
+        return _without_accused(solution, record, arguments, outputs, options)
     return 0 if record.is_complete else INCOMPLETE
+
+
+def _reported(
+    solution: BundleSolution,
+    given: Poses,
+    arguments: argparse.Namespace,
+    outputs: Mapping[str, Path],
+    options: dict[str, Any],
+    progress: Progress,
+    read: str,
+) -> tuple[BundleRecord, str]:
+    """The record of a solution and its summary, when its files are written."""
+    from obseq.images.causes.diagnosing import diagnosed
+    from obseq.images.output.record import record_of
+    from obseq.images.output.summary import summary
+
+    boundary, text = Boundary(), outputs.get("text")
+    search = partial(diagnosed, solution, given, progress, **options)
+    diagnosis = boundary.attempt("the search for errors", search, None)
+    progress("writing")
+    record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
+    boundary = Boundary()
+    files = boundary.texts(_writers(outputs, solution, record))
+    files |= _written(arguments, solution, boundary)
+    record = structs.replace(record, failures=(*record.failures, *boundary.failures))
+    shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
+    write_all(files | ({} if text is None else {text: shown + read}))
+    return record, shown
+
+
+def _without_accused(
+    solution: BundleSolution,
+    first: BundleRecord,
+    arguments: argparse.Namespace,
+    outputs: Mapping[str, Path],
+    options: dict[str, Any],
+) -> int:
+    """Adjusts again without what is accused; where there is no such adjustment, says why."""
+    from obseq.images.causes.without_accused import without_accused
+
+    places = _second(outputs)
+    none = {writer.option.replace("-", "_"): None for writer in WRITERS}
+    alone = argparse.Namespace(**{**vars(arguments), **none})
+    try:
+        with Progress("adjusting without what is accused") as progress:
+            block = without_accused(solution, first.diagnosis)
+            given = block.poses
+            block.initialise(causes=False)
+            rest = block.solve(**options)
+            _, shown = _reported(rest, given, alone, places, options, progress, "")
+    except ObseqError as error:
+        print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
+        return 0 if first.is_complete else INCOMPLETE
+    say(f"\n{shown}", places.values())
+    return INCOMPLETE
+
+
+def _second(outputs: Mapping[str, Path]) -> dict[str, Path]:
+    """The files of the adjustment without what is accused."""
+    return {option: path.with_stem(path.stem + SECOND) for option, path in outputs.items()}
 
 
 def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:

@@ -16,7 +16,8 @@ MORE = """
 Options are MMVII's, Name=value, of today or of 2024:
   GCP3D=[[F,SG,Out?],...] GCP2D=[[F,SI,At?,Thr?,Exp?],...]   or GCPDir, GCPW, AddGCPW, GCPDirOut
   PPFzCal=Pat PPFreeCal=[[Cam,Par,Weight?],...] SharedIP=[Cam,Par,...] PatFzCenters PatFzOrient
-  PoseVisc=[C,R] RefOri=[Ori,C,R?,Pat?] TPDir=F TiePWeight=[S,At?,Thr?,Exp?] TopoDirIn=F TopoDirOut=F NbIter=N
+  PoseVisc=[C,R] RefOri=[Ori,C,R?,Pat?] TPDir=F TiePWeight=[S,At?,Thr?,Exp?] NbIter=N
+  TopoDirIn=F TopoDirOut=F TopoW=W (weights of the survey, times W) TopoRefr=k (refraction coefficient)
   GCPFilter=Pat GCPFilterAdd=Pat (3D points by name, by additional information)
   BRDirIn=F BRW=[Tr,Rot] BRW_Rat=[Tr,Rot] OutRigBlock=F
   BOI=[[Block,mTr,mRot,Save,Rel],[gTr,gRot],[cTr,cRot]] InInstrBlock=F OutInstrBlock=F

@@ -142,4 +142,4 @@ def _compared(
         reference=arguments.reference,
         a_priori=arguments.a_priori,
     )
-    return found.record(), [number for number, epoch in enumerate(found.epochs, 1) if not epoch.is_complete]
+    return found.record(), [number for number, epoch in enumerate(found.epochs, 1) if not epoch.is_whole]

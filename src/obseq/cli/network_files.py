@@ -147,8 +147,8 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="standard deviations of observations whose file has none (STAR*NET, LandXML), with their units: "
         "distance=2mm distance-ppm=2ppm direction=3sec angle=3sec azimuth=10sec zenith=5sec height=1mm "
-        "height-per-km=1mm instrument-centring=1mm target-centring=1mm vertical-centring=1mm (sec, arcsec, "
-        "cc, mgon, gon, deg, rad; mm, cm, m, ft, us-ft)",
+        "height-per-km=1mm height-per-turn=0.2mm instrument-centring=1mm target-centring=1mm "
+        "vertical-centring=1mm (sec, arcsec, cc, mgon, gon, deg, rad; mm, cm, m, ft, us-ft)",
     )
     computation.add_argument(
         "--faces",
@@ -161,6 +161,12 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="what observations of each instrument are worth (TOML), in place of the sigmas of the files: "
         "distance = '2mm + 2ppm', instrument-centring = '1mm', ...; [instrument.NAME] for one of its own",
+    )
+    computation.add_argument(
+        "--instrument",
+        metavar="NAME",
+        help="what all observations are worth: an instrument of --stochastic, or of the library: "
+        "total-station-1sec (0.5sec to 7sec), digital-level-invar, digital-level, automatic-level",
     )
     computation.add_argument(
         "--ignore",
@@ -188,6 +194,7 @@ def source_of(arguments: argparse.Namespace) -> Source:
             "ignore": arguments.ignore,
             "sigmas": arguments.sigmas,
             "stochastic": arguments.stochastic,
+            "instrument": arguments.instrument,
             "faces": arguments.faces,
             **_point_format(arguments),
         }
@@ -228,7 +235,8 @@ def _project_options(
     arguments: argparse.Namespace, reading: Options, obs: Sequence[Path], cor: Sequence[Path]
 ) -> Options:
     """What may be said about a project besides its name."""
-    accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas", "stochastic", "faces"}
+    accepted = {"frame", "points_crs", "refraction", "encoding", "ignore", "sigmas", "stochastic"}
+    accepted |= {"instrument", "faces"}
     if cor:
         accepted.add("point_sigma")
     surplus = sorted(set(reading) - accepted) + ["obs"] * bool(obs)

@@ -21,7 +21,9 @@ def register(commands: Commands) -> None:
     )
     command.add_argument("--degree", nargs=3, type=int, default=[3, 1, 1], metavar=("R", "D", "G"))
     command.add_argument("--projection", default="Stenope", metavar="NAME", help="Stenope, FE_EquiDist, ...")
-    command.add_argument("--size", nargs=2, type=positive_integer, metavar=("W", "H"), help="of the images")
+    command.add_argument(
+        "--size", nargs=2, type=positive_integer, metavar=("W", "H"), help="of images (their own)"
+    )
 
     purpose = "tell which images have control points enough, and well spread (OriPoseEstimCheckGCPDist)"
     command = add_tree_command(
@@ -77,12 +79,14 @@ def register(commands: Commands) -> None:
 def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.project.camera_bodies import initial_camera
     from obseq.project.cameras import calibration_text
+    from obseq.targets.pictures import picture_size
 
     rules = tree.rules(arguments.metadata)
-    size = tuple(arguments.size) if arguments.size else None
+    given = tuple(arguments.size) if arguments.size else None
     cameras: dict[str, Camera] = {}
     measures = None if arguments.any_measures == "*" else tree.measures(arguments.any_measures)
     for image in tree.images(arguments.images, measures):
+        size = given or picture_size(tree.root / image)
         camera = initial_camera(
             rules, image, size=size, degree=tuple(arguments.degree), projection=arguments.projection
         )

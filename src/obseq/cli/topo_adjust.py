@@ -20,6 +20,7 @@ MORE = """
 Options are MMVII's, Name=value:
   GCP3D=[[Folder,SG,Out?],...] 3D points, the factor of their sigmas, where they go when adjusted
   NbIter=N the most iterations; GCPFilter=Pat GCPFilterAdd=Pat choose points
+  TopoRefr=k the refraction coefficient of zenith angles
 The points must be in a local frame (`obseq change-sysco` converts them)."""
 
 EXAMPLE = """\
@@ -60,7 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError("GCP3D=[[Folder,SG],...] is missing: it says where the points are")
         control, definition = control_of(tree, options)
         observed = read_topo(tree.topo(arguments.topo))
-        network = shown_in(network_of(survey_points(control), observed, definition), arguments.units)
+        made = network_of(survey_points(control), observed, definition, options.refraction)
+        network = shown_in(made, arguments.units)
         adjustment = network.adjust(options.iterations or MAX_ITERATIONS, progress=progress)
         record = adjustment.record()
         files = _files(arguments, tree, options, adjustment, definition)
@@ -68,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         record = write(record, outputs, files)
     count = sum(observation.active for observation in record.observations)
     sigmas = [*(step.sigma0 for step in record.iterations), record.sigma0]
-    lines = [f"Topo sigma0: {sigma0:g} ({count} obs)" for sigma0 in sigmas]
+    lines = [f"Topo sigma0: {'undefined' if s is None else f'{s:g}'} ({count} obs)" for s in sigmas]
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
     say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])

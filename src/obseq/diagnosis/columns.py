@@ -9,10 +9,19 @@ import numpy as np
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from scipy.sparse import csc_array
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
+
+    Ways = Callable[[csc_array], tuple[Any, Any]]
+
+_NONE, _SEVERAL = -1, -2
+"""In place of the observation that a column changes: none, or more than one."""
+_AT_A_TIME = 4096
+"""Columns whose products are made together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,27 +61,53 @@ class Columns:
         found = self.matrix[:, which]
         return found if isinstance(found, np.ndarray) else np.asarray(found.toarray())
 
+    def weights_apart(self, linear: Linear) -> FloatArray:
+        """(k,) M of each, of length 1, as if its equations had no unknowns in common."""
+        shares = 1.0 - linear.taken.diagonal()
+        if isinstance(self.matrix, np.ndarray):
+            return np.asarray(shares @ self.matrix**2)
+        return np.asarray(self.matrix.multiply(self.matrix).T @ shares)
+
     def first_weights(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, where it costs little; NaN of those that a solve each would take."""
         if isinstance(self.matrix, np.ndarray):
             lost = np.einsum("ij,ij->j", *self._through(linear))
             return np.asarray(np.where(self.matrix.any(axis=0), 1.0 - lost, 0.0))
-        entries = np.diff(self.matrix.indptr)
-        weights = np.where(entries == 0, 0.0, np.nan)
-        alone = np.flatnonzero(entries == 1)
-        weights[alone] = 1.0 - linear.leverages[self.matrix.indices[self.matrix.indptr[alone]]]
-        local = np.flatnonzero((entries > 1) & self.is_local)
+        matrix = cast("Any", self.matrix)
+        weights = np.where(np.diff(matrix.indptr) == 0, 0.0, np.nan)
+        units = self._units(linear)
+        (within,) = np.nonzero(units >= 0)
+        own = matrix[:, within]
+        weights[within] = 1.0 - _sums(own, linear.taken @ own)
+        (local,) = np.nonzero((units == _SEVERAL) & self.is_local)
         if local.size:
-            through = cast("Any", linear.rows).T @ self.matrix[:, local]
-            weights[local] = (
-                1.0 - np.asarray((linear.cofactors @ through).multiply(through).sum(axis=0)).ravel()
-            )
+            through = cast("Any", linear.rows).T @ matrix[:, local]
+            weights[local] = 1.0 - _sums(linear.cofactors @ through, through)
         return weights
 
-    def are_near(self, sets: IntArray) -> BoolArray:
-        """(g,) whether the unknowns of all columns of a set (g, q) are joined: M takes no solves."""
-        is_plain = isinstance(self.matrix, np.ndarray)
-        return np.ones(len(sets), np.bool_) if is_plain else np.asarray(self.is_local[sets].all(axis=1))
+    def _units(self, linear: Linear) -> IntArray:
+        """(k,) first equation of the observation that a column changes; negative for several or none."""
+        matrix, taken = cast("Any", self.matrix), linear.taken
+        first = taken.indices[taken.indptr[:-1]]
+        found = np.full(matrix.shape[1], _NONE)
+        (some,) = np.nonzero(np.diff(matrix.indptr))
+        if some.size:
+            owners = first[matrix.indices]
+            low, high = (f.reduceat(owners, matrix.indptr[some]) for f in (np.minimum, np.maximum))
+            found[some] = np.where(low == high, low, _SEVERAL)
+        return found
+
+    def are_near(self, linear: Linear, sets: IntArray) -> BoolArray:
+        """(g,) whether M of a set (g, q) takes no solves: the unknowns of all its columns are joined."""
+        if isinstance(self.matrix, np.ndarray):
+            return np.ones(len(sets), np.bool_)
+        return np.asarray(self._are_within(linear, sets) | self.is_local[sets].all(axis=1))
+
+    def _are_within(self, linear: Linear, sets: IntArray) -> BoolArray:
+        """(g,) whether all columns of a set change the same observation, or nothing."""
+        units = self._units(linear)[sets]
+        units = np.where(units == _NONE, units.max(axis=1, keepdims=True), units)
+        return np.asarray((units == units[:, :1]).all(axis=1) & (units[:, 0] != _SEVERAL))
 
     def grams(self, linear: Linear, sets: IntArray) -> FloatArray:
         """(g, q, q) C' R C of small sets (g, q) of columns; by solves where they are not near."""
@@ -83,23 +118,50 @@ class Columns:
             before, after = (one[:, sets.ravel()].reshape(-1, g, q) for one in (through, solved))
             lost: FloatArray = np.einsum("ugi,ugj->gij", before, after)
             return np.asarray(np.einsum("ngi,ngj->gij", each, each) - lost)
-        from scipy.sparse import csc_array
-
-        flat, result = self.matrix[:, sets.ravel()], np.empty((g, q, q))
-        rows, cofactors = cast("Any", linear.rows), cast("Any", linear.cofactors)
-        across = (rows.T @ flat).tocsc()
-        if self.is_local[sets].all():
-            left = (cofactors @ across).tocsc()
-        else:
-            left = csc_array(linear.solve(np.ascontiguousarray(across.toarray())))
-        for i in range(q):
-            for j in range(i + 1):
-                own = flat[:, i::q].multiply(flat[:, j::q]).sum(axis=0)
-                off = left[:, i::q].multiply(across[:, j::q]).sum(axis=0)
-                result[:, i, j] = result[:, j, i] = np.asarray(own - off).ravel()
+        result = np.empty((g, q, q))
+        for which, taken in self._ways(linear, sets):
+            for part in np.array_split(which, -(-len(which) * q // _AT_A_TIME)) if len(which) else ():
+                flat = cast("Any", self.matrix)[:, sets[part].ravel()]
+                result[part] = _inner(flat, flat, q) - _inner(*taken(flat), q)
         return result
+
+    def _ways(self, linear: Linear, sets: IntArray) -> list[tuple[IntArray, Ways]]:
+        """Sets by how what the unknowns take of them is found: vectors whose products with others it is."""
+        rows, cofactors = cast("Any", linear.rows), cast("Any", linear.cofactors)
+
+        def locally(flat: csc_array) -> tuple[Any, Any]:
+            through = (rows.T @ flat).tocsc()
+            return through, (cofactors @ through).tocsc()
+
+        def exactly(flat: csc_array) -> tuple[Any, Any]:
+            through = (rows.T @ flat).toarray()
+            return through, linear.solve(through)
+
+        is_within = self._are_within(linear, sets)
+        is_local = ~is_within & self.is_local[sets].all(axis=1)
+        return [
+            (np.flatnonzero(is_within), lambda flat: (flat, (linear.taken @ flat).tocsc())),
+            (np.flatnonzero(is_local), locally),
+            (np.flatnonzero(~is_within & ~is_local), exactly),
+        ]
 
     def _through(self, linear: Linear) -> tuple[FloatArray, FloatArray]:
         """A' C, and Q A' C."""
         through = np.asarray(linear.rows.T @ self.matrix)
         return through, linear.solve(np.ascontiguousarray(through)) if len(through) else through
+
+
+def _sums(left: Any, right: Any) -> FloatArray:
+    """(k,) products of columns."""
+    return np.asarray(left.multiply(right).sum(axis=0)).ravel()
+
+
+def _inner(left: Any, right: Any, q: int) -> FloatArray:
+    """(g, q, q) products of the columns of each set, which follow each other."""
+    found = np.empty((left.shape[1] // q, q, q))
+    for i in range(q):
+        for j in range(q):
+            first, second = left[:, i::q], right[:, j::q]
+            product = first * second if isinstance(left, np.ndarray) else first.multiply(second)
+            found[:, i, j] = np.asarray(product.sum(axis=0)).ravel()
+    return found

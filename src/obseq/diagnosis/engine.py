@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Generic
 import numpy as np
 
 from obseq.diagnosis.explanation import Explanation, accepted, better, change_of, with_equals
-from obseq.diagnosis.judgement import judged
+from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
 
-_HALF = 0.5
-"""Share of the redundancy that what is taken out may cost: of more, the rest would be the error."""
-
-
 def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
     """What is wrong with a model, or that nothing is."""
     return Search(model, policy).verdict()
@@ -45,6 +41,8 @@ class Search(Generic[Place]):
         self._model, self._policy = model, policy
         self._hypotheses = model.hypotheses
         self._steps = 0
+        self._last: tuple[Place, LinearTests] | None = None
+        self._is_large = False
 
     def verdict(self) -> Verdict:
         """What is wrong."""
@@ -61,7 +59,7 @@ class Search(Generic[Place]):
         best = self._from_all_places(solution)
         if best is None:
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
-        spent = f"not all explanations were tried: the {self._policy.steps} iterations for that are spent"
+        spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
         return judged(self._model, best, spent if self._is_spent else "")
 
     def _solution(self) -> Place | None:
@@ -72,26 +70,41 @@ class Search(Generic[Place]):
             return None
 
     @property
+    def _budget(self) -> int:
+        return self._policy.steps_of_large if self._is_large else self._policy.steps
+
+    @property
     def _is_spent(self) -> bool:
-        return self._steps >= self._policy.steps
+        return self._steps >= self._budget
 
     def _tests(self, place: Place, applied: Sequence[Change] = ()) -> LinearTests:
         """The tests at a place; of what is applied the columns stand where the change now is."""
+        if not applied and self._last is not None and self._last[0] is place:
+            return self._last[1]
         linear, columns = self._model.linearised(place, applied)
         for change in applied:  # back to no change, along the tangent
             own = self._hypotheses.of(change.index)
             linear.residuals[:] += columns.effect(own, change.size)
-        return LinearTests(linear, columns, self._hypotheses, self._policy)
+        tests = LinearTests(linear, columns, self._hypotheses, self._policy)
+        self._last = None if applied else (place, tests)
+        self._is_large = linear.n > self._policy.large
+        return tests
 
     def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:
         """The best explanation from the robust place; from least squares, or without the worst rows."""
-        best: Explanation[Place] | None = None
+        best = None if solution is None else self._by_one(solution)
+        if best is not None:
+            return best
         robust = self._robust(())
         for place in (robust, solution):
             found = None if place is None else self._adapted(place, is_robust=place is robust)
             best = better(best, found)
+            if best is not None and best.is_accepted and len(best.chosen) > 1:
+                best = with_slips(self._model, best)
             if best is not None and best.is_accepted and len(best.chosen) == 1:
                 return best  # several may be the price of a wrong place: look from the other
+            if best is not None and self._is_large and len(best.chosen) >= self._policy.most:
+                return best  # few errors do not carry a large model so far away
         if best is None:
             return None
         if best.is_accepted:
@@ -101,6 +114,14 @@ class Search(Generic[Place]):
         if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
         return best
+
+    def _by_one(self, solution: Place) -> Explanation[Place] | None:
+        """One hypothesis that explains all that least squares show, and is proved by its adjustment."""
+        if len(self._selected(self._tests(solution), [], is_robust=False)) != 1:
+            return None
+        found = self._adapted(solution, is_robust=False)
+        is_proved = found is not None and found.is_accepted and len(found.chosen) == 1
+        return found if is_proved else None
 
     def _in_place_of_several(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a start without what is as good as each of several: far off, one error looks like many."""
@@ -146,21 +167,22 @@ class Search(Generic[Place]):
     def _adapted(self, place: Place, *, is_robust: bool) -> Explanation[Place] | None:
         """The best explanation from a place; what is not linear is tried as what it is."""
         best, bent = self._settled(place, (), is_robust=is_robust)
-        if best is not None and best.is_accepted and not self._is_worth_trials(best):
-            return best
+        if best is not None and best.is_accepted and not self._hypotheses.is_block[list(best.chosen)].any():
+            return best  # what is not linear in it was applied: tests tell what is as good
         found = [best] if best is not None else []
         for change in bent:
             other, _ = self._settled(place, (change,), is_robust=is_robust)
             found += [other] if other is not None else []
+            if other is not None and other.is_accepted and self._is_one_bent(other):
+                break
         if not found:
             return None
         found.sort(key=lambda one: one.price)
         return with_equals(found, self._policy)
 
-    def _is_worth_trials(self, found: Explanation[Place]) -> bool:
-        """Whether an explanation has a block or something that is not linear: other trials may be better."""
-        own = list(found.chosen)
-        return bool((self._hypotheses.is_block[own] | self._hypotheses.is_bent[own]).any())
+    def _is_one_bent(self, found: Explanation[Place]) -> bool:
+        """Whether an explanation is one hypothesis whose effect is not linear, applied as what it is."""
+        return len(found.chosen) == 1 and bool(self._hypotheses.is_bent[found.chosen[0]])
 
     def _settled(
         self, place: Place, applied: tuple[Change, ...], *, is_robust: bool
@@ -207,7 +229,7 @@ class Search(Generic[Place]):
         blocks = [i for i in best if self._hypotheses.is_block[i]]
         if len(best) > 1 or blocks:  # two rows may look like one group and another row
             rows = select(tests, rows_only=True)
-            left = tests.cost - tests.given(rows).took
+            left = tests.cost - tests.took(rows)
             spare = tests.linear.redundancy - len(rows)
             are_few = any(len(inside(tests, rows, block)) < needed(tests, block) for block in blocks)
             if are_few and left <= accepted(spare, self._policy):
@@ -243,10 +265,10 @@ def _suspected_blocks(tests: LinearTests) -> list[int]:
     hypotheses = tests.hypotheses
     off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
     count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
-    is_told = hypotheses.is_block & ~hypotheses.needs_slip
+    is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
-    left = np.cumsum(hypotheses.q[which]) < _HALF * tests.linear.redundancy
+    left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy
     return list(map(int, which[left]))
 
 

@@ -31,14 +31,10 @@ class Explanation(Generic[Place]):
     place: Place
     same: tuple[tuple[Change, float], ...] = ()
 
-    def at(self, place: Place) -> Explanation[Place]:
-        """The same, the unknowns elsewhere."""
-        return Explanation(self.price, self.tests, self.chosen, place, self.same)
-
     @property
     def left(self) -> float:
         """Weighted sum of squares that they leave."""
-        return self.tests.cost - self.tests.given(self.chosen).took
+        return self.tests.cost - self.tests.took(self.chosen)
 
     @property
     def redundancy(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from obseq.diagnosis.explanation import accepted
+from obseq.diagnosis.explanation import Explanation, accepted
 from obseq.diagnosis.protocol import Change
 from obseq.diagnosis.selection import equals, for_a_slip, inside, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
@@ -14,12 +14,14 @@ from obseq.errors import ObseqError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.diagnosis.explanation import Explanation
     from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
-_HALF = 0.5
-"""Share of the redundancy that several errors must leave: else the rest might as well be the error."""
+MANY = (
+    "more contradicts the rest than a few errors do: look for what many observations share (names, units, a "
+    "model that is too simple), for sigmas that are too small, or use robust weights"
+)
+"""In place of a list: the search for single errors ended before nothing stood out any more."""
 _SCALINGS = 3
 """Rounds in which the variance factor of the noise is estimated; it grows, and seldom after the second."""
 
@@ -29,15 +31,18 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     chosen = list(found.chosen)
     is_accepted = found.is_accepted
     chosen = _of_its_noise(found.tests, chosen) if is_accepted else _beyond_noise(found)
-    chosen, found = _with_slips(model, found, chosen)
-    tests = found.tests
-    left = tests.cost - tests.given(chosen).took
+    if not is_accepted and len(chosen) >= found.tests.policy.most:
+        spare, said = found.tests.linear.redundancy, f"{reason}; {MANY}" if reason else MANY
+        return Verdict(Status.UNEXPLAINED, (), found.tests.cost, spare, said, many=len(chosen))
+    found = with_slips(model, Explanation(found.price, found.tests, tuple(chosen), found.place, found.same))
+    chosen, tests = list(found.chosen), found.tests
+    left = tests.cost - tests.took(chosen)
     if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
     if not chosen:  # nothing that was found stands out of the noise
         is_accepted = left <= accepted(redundancy, tests.policy)
-    if len(chosen) > 1 and redundancy < _HALF * tests.linear.redundancy:
+    if len(chosen) > 1 and redundancy < tests.policy.half * tests.linear.redundancy:
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     told = {i: _accusation(model, found, chosen, i) for i in chosen}
     remarks = _remarks(tests, chosen) if is_accepted else []
@@ -57,7 +62,7 @@ def _remarks(tests: LinearTests, chosen: list[int]) -> list[int]:
     small = [i for i in chosen if tests.is_small(i, chosen)]
     rest = [i for i in chosen if i not in small]
     spare = tests.linear.redundancy - sum(map(tests.rank, rest))
-    return small if tests.cost - tests.given(rest).took <= accepted(spare, tests.policy) else []
+    return small if tests.cost - tests.took(rest) <= accepted(spare, tests.policy) else []
 
 
 def _of_sigmas(tests: LinearTests) -> float:
@@ -72,7 +77,7 @@ def _of_sigmas(tests: LinearTests) -> float:
 
 def _of_its_noise(tests: LinearTests, chosen: list[int]) -> list[int]:
     """Those that stand out of what the others leave, where that is more than announced, if not by much."""
-    left = tests.cost - tests.given(chosen).took
+    left = tests.cost - tests.took(chosen)
     tests.scale = max(1.0, left / max(tests.linear.redundancy - sum(map(tests.rank, chosen)), 1))
     return kept(tests, chosen)
 
@@ -81,7 +86,7 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
     """What stands out where the noise is larger than announced: tests reckon with what remains without it."""
     tests, chosen = found.tests, list(found.chosen)
     for _ in range(_SCALINGS):
-        left = tests.cost - tests.given(chosen).took
+        left = tests.cost - tests.took(chosen)
         redundancy = max(tests.linear.redundancy - sum(map(tests.rank, chosen)), 1)
         tests.scale = max(tests.scale, left / redundancy)
         other = min((select(tests), select(tests, chosen)), key=tests.price)
@@ -91,14 +96,12 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
     return chosen
 
 
-def _with_slips(
-    model: Model[Place], found: Explanation[Place], chosen: list[int]
-) -> tuple[list[int], Explanation[Place]]:
+def with_slips(model: Model[Place], found: Explanation[Place]) -> Explanation[Place]:
     """The same with a block in place of its rows where a slip explains it: a name, say."""
     tests = found.tests
-    for block in for_a_slip(tests, chosen):
-        gone = inside(tests, chosen, block)
-        other = kept(tests, [*(i for i in chosen if i not in gone), block])
+    for block in for_a_slip(tests, found.chosen):
+        gone = inside(tests, found.chosen, block)
+        other = kept(tests, [*(i for i in found.chosen if i not in gone), block])
         if block not in other:
             continue
         sizes = tests.sizes(other)
@@ -107,8 +110,8 @@ def _with_slips(
         except ObseqError:
             continue
         if any(slip.is_strong for slip in model.slips(Change(block, *sizes[block]), place)):
-            chosen, found = other, found.at(place)
-    return chosen, found
+            found = Explanation(tests.price(other), tests, tuple(other), place, found.same)
+    return found
 
 
 def _accusation(
@@ -119,7 +122,7 @@ def _accusation(
     rest = [j for j in chosen if j != index]
     tested = tests.tests(tests.given(rest), rest)
     if not tested.statistic[index]:  # a block that is told for its slip
-        took = tests.given(chosen).took - tests.given(rest).took
+        took = tests.took(chosen) - tests.took(rest)
         tested.statistic[index], tested.limit[index] = took, tests.limit(tests.rank(index))
     others = equals(tests, tested, index)
     changes = [Change(j, *tests.sizes([*rest, j])[j]) for j in (index, *others)]

@@ -37,7 +37,7 @@ class Linear:
         rows: (n, u) A, whitened.
         whitening: (n, n) from residuals in their units to whitened ones.
         cofactors: (u, u) Q on the pattern of the normal matrix.
-        leverages: (n,) a Q a' of each row.
+        taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored.
         solve: Q times right-hand sides (u,) or (u, k).
         redundancy: Degrees of freedom.
     """
@@ -46,7 +46,7 @@ class Linear:
     rows: csr_array | FloatArray
     whitening: csr_array | FloatArray
     cofactors: csc_array | FloatArray
-    leverages: FloatArray
+    taken: csr_array
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
 
@@ -95,7 +95,7 @@ def linearised(
         csr_array(vstack([state.cluster_rows(batch) for batch in batches], format="csr")),
         csr_array(block_diag(roots, format="csr")),
         state.equations.pattern.matrix(state.cofactors.values),
-        np.concatenate([state.leverages(batch).ravel() for batch in batches]),
+        csr_array(block_diag([taken_of(state, batch) for batch in batches], format="csr")),
         state.solve,
         result.redundancy,
     )
@@ -117,7 +117,7 @@ def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Ba
         matrix,
         np.diag(weights),
         cofactors,
-        np.einsum("ij,ij->i", matrix @ cofactors, matrix),
+        diagonal(np.einsum("ij,ij->i", matrix @ cofactors, matrix)),
         state.solve,
         result.redundancy,
     )
@@ -132,7 +132,26 @@ def _of_nothing(result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
     residuals = [root @ one for root, one in zip(roots, raw, strict=True)]
     values = np.concatenate([np.zeros(0), *residuals])
     whitening = csr_array(block_diag(roots, format="csr")) if roots else csr_array((0, 0))
-    none = csr_array((len(values), 0))
-    return Linear(
-        values, none, whitening, csc_array((0, 0)), np.zeros(len(values)), np.asarray, result.redundancy
-    )
+    none, nothing = csr_array((len(values), 0)), diagonal(np.zeros(len(values)))
+    return Linear(values, none, whitening, csc_array((0, 0)), nothing, np.asarray, result.redundancy)
+
+
+def taken_of(state: FinalState, batch: Batch) -> csr_array:
+    """(n m, n m) what the unknowns take of the observations of a batch: blocks (m, m) of A Q A'.
+
+    Of observations that are correlated with others only the diagonal.
+    """
+    from scipy.sparse import bsr_array, csr_array
+
+    if batch.clusters is not None:
+        return diagonal(state.leverages(batch).ravel())
+    each = np.arange(batch.n + 1)
+    return csr_array(bsr_array((state.leverages(batch, crossed=True), each[:-1], each)))
+
+
+def diagonal(values: FloatArray) -> csr_array:
+    """(n, n) a sparse matrix of a diagonal (n,)."""
+    from scipy.sparse import csr_array
+
+    each = np.arange(len(values) + 1)
+    return csr_array((values, each[:-1], each), shape=(len(values), len(values)))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _CHUNK, _KEPT = 64, 8
 """Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY = 1e-300
+_PAIR = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +44,10 @@ class Given:
     Attributes:
         basis: (s, k) B C.
         shown: (k,) u that is left.
-        took: What they take of the sum of squares.
     """
 
     basis: FloatArray
     shown: FloatArray
-    took: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +130,10 @@ class LinearTests:
         for size in sorted(set(wanted[wanted > 1].tolist())):  # np.unique would load masked arrays
             which = np.flatnonzero(wanted == size)
             columns = self.hypotheses.columns[self.hypotheses.starts[which][:, None] + np.arange(size)]
-            grams, near = np.full((len(which), size, size), np.nan), self._columns.are_near(columns)
+            grams, near = (
+                np.full((len(which), size, size), np.nan),
+                self._columns.are_near(self.linear, columns),
+            )
             grams[near] = self._columns.grams(self.linear, columns[near])
             found.append((which, columns, grams))
         return found
@@ -141,14 +143,19 @@ class LinearTests:
         for _, columns, grams in self._sets:
             wanted = np.isnan(grams[:, 0, 0])
             if self._is_screened:
-                wanted &= (np.abs(shown[columns]) > self.policy.screen).any(axis=1)
+                wanted &= self._asks(shown)[columns].any(axis=1)
             for part in _parts(np.flatnonzero(wanted)):
                 grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property
     def _blocks(self) -> IntArray:
         """Hypotheses that take several observations out."""
-        return np.flatnonzero(self.hypotheses.is_block & (self.hypotheses.q > 1))
+        return np.flatnonzero(self.hypotheses.is_block & (self.hypotheses.q > 1) & self.is_solved)
+
+    @property
+    def is_solved(self) -> BoolArray:
+        """(h,) whether hypotheses are not too large to be solved for."""
+        return np.asarray(self.hypotheses.q <= self.policy.columns)
 
     @property
     def _in_sets(self) -> BoolArray:
@@ -158,30 +165,52 @@ class LinearTests:
         result[self.hypotheses.columns[np.repeat(wanted, self.hypotheses.q)]] = False
         return result
 
+    @cached_property
+    def _apart(self) -> FloatArray:
+        return self._columns.weights_apart(self.linear)
+
+    def _asks(self, shown: FloatArray) -> BoolArray:
+        """(k,) columns whose test, its equations taken apart, asks for its M."""
+        return np.asarray(shown**2 > self.policy.screen**2 * self._apart)
+
     def _weigh(self, shown: FloatArray) -> None:
         """Works out M of the columns that are wanted and not known yet."""
         wanted = np.isnan(self._weight)
         if self._is_screened:
-            wanted &= np.abs(shown) > self.policy.screen
+            wanted &= self._asks(shown)
         for part in _parts(np.flatnonzero(wanted)):
             through = np.ascontiguousarray(self.linear.rows.T @ self._columns.some(part))
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
             self._weight[part] = 1.0 - taken
 
-    def rows_of(self, columns: IntArray) -> FloatArray:
-        """(m, k) C' R C of some columns with all."""
+    def _solve_for(self, columns: IntArray) -> None:
+        """Works out C' R C of some columns with all."""
         missing = np.array([k for k in dict.fromkeys(columns.tolist()) if k not in self._across], np.intp)
         for part in _parts(missing):
             made = self._columns.shown(self.linear.left(self._columns.some(part))).T
             self._across.update(zip(part.tolist(), made, strict=True))
-        if not len(columns):
-            return np.zeros((0, len(self.shown)))
-        return np.array([self._across[k] for k in columns.tolist()])
+
+    def _gram(self, own: IntArray) -> FloatArray:
+        """(m, m) C' R C of some columns."""
+        self._solve_for(own)
+        return np.array([self._across[k][own] for k in own.tolist()]).reshape(len(own), len(own))
+
+    def took(self, chosen: Sequence[int]) -> float:
+        """What hypotheses take of the sum of squares together."""
+        if not len(chosen):
+            return 0.0
+        own = self._own_columns(chosen)
+        shares, axes = np.linalg.eigh(self._gram(own))
+        seen = shares > self.policy.unseen
+        return float(np.sum(np.square(self.shown[own] @ axes[:, seen]) / shares[seen]))
+
+    def _own_columns(self, chosen: Sequence[int]) -> IntArray:
+        return np.array(sorted({k for i in chosen for k in self.hypotheses.of(i).tolist()}), np.intp)
 
     def given(self, chosen: Sequence[int]) -> Given:
         """What is left to the columns when hypotheses are unknowns of the model."""
         if not len(chosen):
-            return Given(np.zeros((0, len(self.shown))), self.shown, 0.0)
+            return Given(np.zeros((0, len(self.shown))), self.shown)
         key = tuple(sorted(map(int, chosen)))
         if key not in self._given:
             while len(self._given) >= _KEPT:
@@ -190,13 +219,12 @@ class LinearTests:
         return self._given[key]
 
     def _made(self, chosen: tuple[int, ...]) -> Given:
-        own = np.array(sorted({k for i in chosen for k in self.hypotheses.of(i).tolist()}), np.intp)
-        rows = self.rows_of(own)
-        shares, axes = np.linalg.eigh(rows[:, own])
+        own = self._own_columns(chosen)
+        shares, axes = np.linalg.eigh(self._gram(own))
         seen = shares > self.policy.unseen
         half = axes[:, seen] / np.sqrt(shares[seen])
-        basis, along = half.T @ rows, half.T @ self.shown[own]
-        return Given(basis, self.shown - along @ basis, float(along @ along))
+        basis = half.T @ np.array([self._across[k] for k in own.tolist()])
+        return Given(basis, self.shown - (half.T @ self.shown[own]) @ basis)
 
     def tests(self, given: Given, skip: Sequence[int] = (), *, blocks: bool = True) -> Tested:
         """T of every hypothesis and what it must exceed; of blocks where enough of their rows stand out."""
@@ -215,7 +243,7 @@ class LinearTests:
             degrees[which] = rank
         for i in self._standing_out(alone) if blocks else ():
             own = self.hypotheses.of(i)
-            left = self.rows_of(own)[:, own] - given.basis[:, own].T @ given.basis[:, own]
+            left = self._gram(own) - given.basis[:, own].T @ given.basis[:, own]
             found, rank, _ = _joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
@@ -250,14 +278,14 @@ class LinearTests:
             return 1
         if index not in self._ranks:
             own = self.hypotheses.of(index)
-            shares = np.linalg.eigvalsh(self.rows_of(own)[:, own])
+            shares = np.linalg.eigvalsh(self._gram(own))
             self._ranks[index] = max(int(np.count_nonzero(shares > self.policy.unseen)), 1)
         return self._ranks[index]
 
     def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray, bool]:
         """Estimates and covariance of sizes together, in lengths of columns; whether all are determined."""
         own = np.concatenate([self.hypotheses.of(i) for i in chosen])
-        shares, axes = np.linalg.eigh(self.rows_of(own)[:, own])
+        shares, axes = np.linalg.eigh(self._gram(own))
         seen = shares > self.policy.unseen
         covariance = (axes[:, seen] / shares[seen]) @ axes[:, seen].T
         return covariance @ self.shown[own], covariance, bool(seen.all())
@@ -288,7 +316,7 @@ class LinearTests:
         if self.hypotheses.is_start[index] or self.hypotheses.is_block[index]:
             return False
         rest, own = [i for i in chosen if i != index], self.hypotheses.of(index)
-        test = self.given(chosen).took - self.given(rest).took
+        test = self.took(chosen) - self.took(rest)
         estimates, _, _ = self.inverse([*rest, index])
         effect = np.abs(self._columns.effect(own, estimates[-len(own) :])).max()
         proved = 1.0 - min(self.limit(self.rank(index)) / max(test, _TINY), 1.0) ** 0.5
@@ -305,7 +333,7 @@ class LinearTests:
 
     def price(self, chosen: Sequence[int]) -> float:
         """What remains with hypotheses accepted, and what is due for them."""
-        return self.cost - self.given(chosen).took + self.due(chosen)
+        return self.cost - self.took(chosen) + self.due(chosen)
 
 
 @lru_cache
@@ -324,8 +352,28 @@ def _parts(which: IntArray) -> list[IntArray]:
 
 def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:
     """T, degrees of freedom (g,) and sizes (g, q) of sets, from M (g, q, q) and u (g, q)."""
+    if weights.shape[1] == _PAIR:
+        return _joint_of_pairs(weights, shown, unseen)
     shares, axes = np.linalg.eigh(weights)
     seen = shares > unseen
     along = np.einsum("gij,gi->gj", axes, shown)
     sizes = np.where(seen, along / np.where(seen, shares, 1.0), 0.0)
     return (sizes * along).sum(axis=1), seen.sum(axis=1), np.einsum("gij,gj->gi", axes, sizes)
+
+
+def _joint_of_pairs(
+    weights: FloatArray, shown: FloatArray, unseen: float
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """The same for sets of two, whose eigenvectors stand in closed form: blocks have many of them."""
+    first, second, cross = weights[:, 0, 0], weights[:, 1, 1], weights[:, 0, 1]
+    angle = 0.5 * np.arctan2(2.0 * cross, first - second)
+    middle, half = 0.5 * (first + second), np.hypot(0.5 * (first - second), cross)
+    axis = np.column_stack([np.cos(angle), np.sin(angle)])
+    across = np.column_stack([-axis[:, 1], axis[:, 0]])
+    found, degrees = np.zeros(len(weights)), np.zeros(len(weights), np.int64)
+    sizes = np.zeros_like(shown)
+    for share, direction in ((middle + half, axis), (middle - half, across)):
+        along, seen = np.einsum("gi,gi->g", direction, shown), share > unseen
+        size = np.where(seen, along / np.where(seen, share, 1.0), 0.0)
+        found, degrees, sizes = found + size * along, degrees + seen, sizes + size[:, None] * direction
+    return found, degrees, sizes

@@ -21,17 +21,28 @@ class Policy:
         suspect: Sigmas, at the robust place, from which backward elimination starts: beyond any noise.
         whole: Share of the rows of a block that must be off: two errors in one set-up are no wrong set-up.
         share: Share of all squares that an effect which is not linear must explain to be tried as what it is.
+        half: Share of the redundancy that what is accused may take: of more, the rest would be the error.
+        better: Share of its contradictions that a mistake of many values leaves a network at most.
+        nameless: Contradictions by which such a mistake must be better where no slip explains it.
+        equal: Contradictions by which two of them may differ that explain a network equally well.
         most: Errors that are told one by one.
         begun: Suspects from which backward elimination starts, the worst of them.
+        exchanges: Exchanges of one hypothesis for another at most: masked pairs take one or two.
         rounds: Linearisations at most, for one explanation.
         trials: Changes, or starts without one row, that are adjusted anew.
         near: Standard deviations within which a slip fits.
         chance: Probability of a fit by any error, above which a slip with a free choice is not told.
+        likely: The same, below which a slip is believed, and tells where the error is.
+        noted: Half of the millimetre to which heights and constants are noted (m).
         large: Equations from which groups are tested only where a screen asks for it.
-        screen: |u| over the length of a column, from which its group is tested there. Without error one in
-            twenty passes; an error that its test would find is lost only where the group shows a sixth of it.
+        screen: |w| of a group, its equations taken apart, from which it is tested there. Without error one in
+            four hundred passes; an error at the limit of its test (near 5) is lost only where the group shows
+            less than a third of what its equations show one by one.
         sigmas: Rarity of sigmas that are all too small by one factor: as of groups.
-        steps: Iterations of all adjustments together.
+        columns: Equations of a group that takes them out one by one, up to which it is tested: each is solved
+            for, and all their products are kept.
+        steps, steps_of_large: Iterations of all adjustments together; of models with more equations than
+            `large`, where their time is that of a few adjustments.
     """
 
     false_alarm: float = 0.005
@@ -42,16 +53,25 @@ class Policy:
     suspect: float = 6.0
     whole: float = 0.6
     share: float = 0.1
+    half: float = 0.5
+    better: float = 0.5
+    nameless: float = 0.5
+    equal: float = 0.1
     most: int = 12
     begun: int = 60
+    exchanges: int = 4
     rounds: int = 4
     trials: int = 4
     near: float = 3.0
     chance: float = 0.35
+    likely: float = 0.02
+    noted: float = 0.0005
     large: int = 5000
-    screen: float = 2.0
+    screen: float = 3.0
     sigmas: float = 4.0
+    columns: int = 1000
     steps: int = 240
+    steps_of_large: int = 60
 
     @property
     def margin(self) -> float:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
-_EXCHANGES = 4
 _TWO = 2
 """Errors that may well be in one block by chance."""
 
@@ -83,8 +82,8 @@ def _own(tests: LinearTests, chosen: list[int]) -> list[float]:
     """T of each of some hypotheses, the others being given."""
     estimates, covariance, is_whole = tests.inverse(chosen)
     if not is_whole:  # some of them do the same: what each takes beyond the others tells
-        took = tests.given(chosen).took
-        return [took - tests.given([j for j in chosen if j != i]).took for i in chosen]
+        took = tests.took(chosen)
+        return [took - tests.took([j for j in chosen if j != i]) for i in chosen]
     found, start = [], 0
     for i in chosen:
         part = slice(start, start := start + int(tests.hypotheses.q[i]))
@@ -96,13 +95,13 @@ def _own(tests: LinearTests, chosen: list[int]) -> list[float]:
 def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """The same after exchanges of one for another that lower the price."""
     now = list(chosen)
-    for _ in range(_EXCHANGES):
+    for _ in range(tests.policy.exchanges):
         price, better = tests.price(now), None
         for i in now if _are_few(tests, now) else ():
             rest = [j for j in now if j != i]
             given = tests.given(rest)
             found = tests.tests(given, rest, blocks=bool(tests.hypotheses.is_block[i]))
-            prices = tests.cost - given.took + tests.due(rest) - gains(tests, found)
+            prices = tests.cost - tests.took(rest) + tests.due(rest) - gains(tests, found)
             j = int(np.argmin(prices))
             if j != i and prices[j] < price - _TOLERANCE * (1e3 + abs(price)):
                 price, better = float(prices[j]), [*rest, j]
@@ -147,7 +146,7 @@ def simplified(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
         given = tests.given(rest)
         taken = tests.tests(given, rest, blocks=False).statistic[special]
         best = int(np.argmax(taken))
-        whole = tests.given(now).took - given.took
+        whole = tests.took(now) - tests.took(rest)
         if whole - taken[best] <= tests.limit(tests.rank(i) - 1):
             now = [*rest, int(special[best])]
     return now
@@ -156,7 +155,7 @@ def simplified(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
 def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """Blocks most of whose rows are among what is chosen: they have nothing else of their own to show."""
     hypotheses = tests.hypotheses
-    blocks = np.flatnonzero(hypotheses.is_block)
+    blocks = np.flatnonzero(hypotheses.is_block & tests.is_solved)
     if not blocks.size:
         return []
     held = np.concatenate([hypotheses.of(i) for i in chosen])
@@ -174,7 +173,7 @@ def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     if len(chosen) < 2:
         return []
     mostly = [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]]
-    blocks = np.flatnonzero(tests.hypotheses.is_block & ~tests.hypotheses.needs_slip)
+    blocks = np.flatnonzero(tests.hypotheses.is_block & ~tests.hypotheses.needs_slip & tests.is_solved)
     several = [j for j in blocks.tolist() if j not in chosen and len(inside(tests, chosen, j)) > _TWO]
     price = tests.price(chosen) if several else 0.0
     return mostly + [

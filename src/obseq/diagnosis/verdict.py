@@ -63,6 +63,7 @@ class Verdict:
         redundancy: Its degrees of freedom.
         remarks: Effects that many observations show together, none of which they change by a sigma.
         reason: Why nothing was decided, or what was not tried; "" for nothing to say.
+        many: How many errors were found where they are too many to be told one by one; 0 elsewhere.
     """
 
     status: Status
@@ -71,6 +72,7 @@ class Verdict:
     redundancy: int = 0
     reason: str = ""
     remarks: tuple[Accusation, ...] = ()
+    many: int = 0
 
     @property
     def is_honest(self) -> bool:

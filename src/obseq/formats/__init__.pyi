@@ -21,4 +21,5 @@ from .opk.reader import read_opk as read_opk
 from .photomodeler.reader import read_photomodeler as read_photomodeler
 from .stochastic import StochasticModel as StochasticModel
 from .stochastic import read_stochastic as read_stochastic
+from .stochastic import stochastic_model as stochastic_model
 from .tables.network import network_from_tables as network_from_tables

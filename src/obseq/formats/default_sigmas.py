@@ -37,11 +37,12 @@ NAMES = {
     "zenith": ANGLES,
     "height": LENGTHS,
     "height-per-km": LENGTHS,
+    "height-per-turn": LENGTHS,
     "instrument-centring": LENGTHS,
     "target-centring": LENGTHS,
     "vertical-centring": LENGTHS,
 }
-"""What a standard deviation is of, and its units; heights per root of the kilometre of a line."""
+"""What a standard deviation is of, and its units; of heights per root of the kilometre, or of turns."""
 CENTRING = ("instrument-centring", "target-centring", "vertical-centring")
 """Those that depend on the places of points (`stochastic`)."""
 EXAMPLES = {
@@ -53,6 +54,7 @@ EXAMPLES = {
     "zenith": "zenith=5sec",
     "height": "height=1mm",
     "height-per-km": "height-per-km=1mm",
+    "height-per-turn": "height-per-turn=0.2mm",
     "instrument-centring": "instrument-centring=1mm",
     "target-centring": "target-centring=1mm",
     "vertical-centring": "vertical-centring=1mm",

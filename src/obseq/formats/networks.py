@@ -21,7 +21,7 @@ from obseq.formats.obs.point_lists import read_point_lists
 from obseq.formats.once import require_distinct
 from obseq.formats.project import NOTHING, Reading
 from obseq.formats.registry import read_project
-from obseq.formats.stochastic import read_stochastic
+from obseq.formats.stochastic import stochastic_model
 from obseq.formats.vertical_factors import with_vertical_factors
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.datum import Datum, DatumKind
@@ -75,7 +75,7 @@ def read_project_network(
     more_points: tuple[Files, float | None],
     systems: tuple[str | None, str | None],
     reading: tuple[str, bool, Collection[str]],
-    worth: tuple[Collection[str], str | Path | None, str],
+    worth: tuple[Collection[str], str | Path | None, str | None, str],
     refraction: float | None,
     geoid: str | Path | None,
 ) -> Network:
@@ -86,15 +86,16 @@ def read_project_network(
         more_points: Files of points beside them, and the sigma of those that have none.
         systems: Definitions of the frame and of the system of the points.
         reading: Encoding; whether files outside are read; what is ignored.
-        worth: Standard deviations; the file of the stochastic model; what becomes of both faces.
+        worth: Standard deviations; the file of the stochastic model; the instrument that all are alike; what
+            becomes of both faces.
         refraction: Coefficient of zenith angles.
         geoid: Geoid heights and deflections.
     """
-    (encoding, outside, ignore), (sigmas, stochastic, faces) = reading, worth
+    (encoding, outside, ignore), (sigmas, stochastic, instrument, faces) = reading, worth
     watch = Stopwatch()
     with watch.phase("read"):
         place, left_out = Path(geoid) if geoid else None, checked_ignore(ignore)
-        model = NOTHING if stochastic is None else read_stochastic(stochastic)
+        model = stochastic_model(stochastic, instrument)
         given = {**model.default, **parse_sigmas(sigmas)}
         files, sigma = more_points
         has_more = isinstance(files, str | Path) or bool(files)
@@ -117,7 +118,7 @@ def read_project_network(
         chosen = np.zeros(len(network.book.observations), np.bool_)
         chosen[list(project.centred)] = True
         network = project.stochastic.centring(network, chosen)
-    elif stochastic is not None and project.stochastic is NOTHING:
+    elif (stochastic or instrument) and project.stochastic is NOTHING:
         network = model.weighing(network)
     network = with_axes_told(with_vertical_factors(network, project.vertical_factors))
     if place is None or project.has_geoid:

@@ -20,8 +20,9 @@ from __future__ import annotations
 
 import tomllib
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,8 +35,6 @@ from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import FieldBook
@@ -52,6 +51,8 @@ NAME_OF: dict[ObservationKind, str] = {
     DH: "height",
 }
 """What a standard deviation of each kind is called."""
+LIBRARY = Path(__file__).with_name("data") / "instruments.toml"
+"""Instruments by class."""
 SHORTEST = 1e-3
 """Distance (m) below which centring says nothing more: points that coincide so far."""
 Sigmas = Mapping[str, float]
@@ -101,9 +102,10 @@ class StochasticModel:
                 sigmas[chosen] = given[name]
                 relative[chosen] = given.get("distance-ppm", 0.0) if name == "distance" else 0.0
                 taken[chosen] = True
-        told = f"standard deviations of {int(taken.sum())} observations are those of the stochastic model"
         observations = replace(rows, sigmas=sigmas, relative_sigmas=relative)
-        weighed = replace(network, book=replace(book, observations=observations).warned(told))
+        told = _shares(book, self._parts(replace(book, observations=observations), taken), sigmas, relative)
+        text = f"standard deviations of {int(taken.sum())} observations are those of the stochastic model"
+        weighed = replace(network, book=replace(book, observations=observations).warned(text + told))
         return self.centring(weighed, taken)
 
     def centring(self, network: Network, chosen: BoolArray) -> Network:
@@ -205,11 +207,48 @@ class _Sights:
         return np.zeros(len(rows))
 
 
+def _shares(
+    book: FieldBook,
+    parts: Sequence[tuple[Sigmas, ObservationKind, IntArray]],
+    sigmas: FloatArray,
+    relative: FloatArray,
+) -> str:
+    """What each instrument got, in words."""
+    said = []
+    for _, kind, rows in parts:
+        group = int(book.observations.groups[rows[0]])
+        of = f" of {book.groups[group].name}" if group >= 0 else ""
+        more = f" + {relative[rows[0]] * 1e6:g} ppm" if relative[rows[0]] else ""
+        said.append(f"{_told(kind, sigmas[rows])}{more}{of}")
+    return f": {'; '.join(said)}" if said else ""
+
+
 def _told(kind: ObservationKind, sigmas: FloatArray) -> str:
     """How large standard deviations are, in words."""
     unit, factor = ("cc", 2e6 / np.pi) if kind.is_angle else ("mm", 1e3)
     low, high = (f"{value * factor:.3g}" for value in (sigmas.min(), sigmas.max()))
-    return f"{kind.words} {low} to {high} {unit} ({len(sigmas)})"
+    size = low if low == high else f"{low} to {high}"
+    return f"{kind.words} {size} {unit} ({len(sigmas)})"
+
+
+def stochastic_model(path: str | Path | None, instrument: str | None) -> StochasticModel:
+    """The model of a file, and of an instrument that all others are alike.
+
+    Args:
+        path: The file (see `read_stochastic`); None for none.
+        instrument: Name of an instrument of the file, or of the library (`data/instruments.toml`): what it is
+            worth counts for all observations of instruments that the file does not name. None for none.
+
+    Raises:
+        InputError: The file is wrong, or nobody knows the instrument; those that are known are listed.
+    """
+    model = StochasticModel() if path is None else read_stochastic(path)
+    if instrument is None:
+        return model
+    known = {**read_stochastic(LIBRARY).instruments, **model.instruments}
+    if instrument not in known:
+        raise InputError(f"--instrument {instrument}: it is none of {', '.join(known)}")
+    return replace(model, default={**model.default, **known[instrument]})
 
 
 def read_stochastic(path: str | Path) -> StochasticModel:

@@ -124,7 +124,8 @@ class BundleAdjustment(AdjustableBlock):
         system = LeastSquares(threads=threads)
         eliminate = eliminate and not keeps_points and strategy in WITH_ELIMINATION
         equations = Equations(self, start, system, eliminate)
-        surveys = join_surveys(self.surveys, initial, system, places_in(start, equations))
+        turned = dict(zip(start.poses.images, map(int, equations.rotations), strict=True))
+        surveys = join_surveys(self.surveys, initial, system, places_in(start, equations), turned)
         limit = max_iterations or (ROBUST_ITERATIONS if self._is_robust else MAX_ITERATIONS)
         further = 0 if max_iterations else MOST - limit
         solving: Solving = {

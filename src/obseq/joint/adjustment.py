@@ -57,7 +57,7 @@ class Adjustment:
         self._networks: list[Network] = []
         self._points: dict[str, FloatArray] = {}
         self._own: dict[str, dict[str, FloatArray]] = {
-            kind: {} for kind in ("Rotation", "Direction", "Vector", "Scalar")
+            kind: {} for kind in ("Point2", "Rotation", "Direction", "Vector", "Scalar")
         }
         self._known: list[tuple[str, str, FloatArray, FloatArray]] = []
         self._held: list[tuple[str, str]] = []
@@ -114,6 +114,12 @@ class Adjustment:
         self._own[kind] |= dict(zip(names, array, strict=True))
         if sigmas is not None:
             self._say(kind, names, array, sigmas)
+
+    def add_plane_points(self, names: Sequence[str], coordinates: ArrayLike) -> None:
+        """Adds points of a plane, (n, 2): of an image, or on a section of a line."""
+        names = as_names(names, "plane points: point")
+        array = finite(coordinates, (len(names), 2), "plane points: coordinates")
+        self._own["Point2"] |= dict(zip(names, array, strict=True))
 
     def add_poses(self, names: Sequence[str], centres: ArrayLike, rotations: ArrayLike) -> None:
         """Adds poses, of scanners for instance: centres (n, 3), rotations (n, 3, 3) to the world."""
@@ -207,7 +213,8 @@ class Adjustment:
         initial = images[1] if images else [self._placed(network).initial_values() for network in networks]
         part = images[0] if images else None
         shared = list(places_in(part.start, part.equations)) if part else []
-        surveys = join_surveys(networks, initial, system, shared)
+        turned = dict(system.unknowns.called("Rotation"))
+        surveys = join_surveys(networks, initial, system, shared, turned)
         self._add_own(system)
         also = dict(self._block.camera_of) if self._block else {}
         place_points(system, self._unplaced(system), self._equations, also)
@@ -252,6 +259,7 @@ class Adjustment:
         if new:
             system.add_points(list(new), np.nan_to_num(np.array(list(new.values()))))
         adders: Mapping[str, Callable[..., object]] = {
+            "Point2": system.add_points,
             "Rotation": system.add_rotations,
             "Direction": system.add_directions,
         }

@@ -144,7 +144,8 @@ def _add_points(
         control.select([name for name in control.names if name not in alone | tie]), origin
     )
     points = _survey_points(folder, book, control, alone, tie)
-    block.add_survey(network_of(points, book, definition))
+    weight = options.survey_weight
+    block.add_survey(network_of(points, book, definition, options.refraction, weight))
 
 
 def _survey_points(

@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 KNOWN = (
     "NbIter", "GCP3D", "GCP2D", "GCPDir", "GCPW", "AddGCPW", "GCPDirOut", "PPFzCal", "PPFreeCal", "SharedIP",
     "PatFzCenters", "PatFzOrient", "PoseVisc", "RefOri", "BRDirIn", "BRW", "BRW_Rat", "OutRigBlock",
-    "TopoDirIn", "TopoDirOut", "TPDir", "TiePWeight", "DataDir", "GCPFilter", "GCPFilterAdd",
+    "TopoDirIn", "TopoDirOut", "TopoW", "TopoRefr", "TPDir", "TiePWeight", "DataDir", "GCPFilter",
+    "GCPFilterAdd",
     *NAMES,
 )  # fmt: skip
-TOPO = ("NbIter", "GCP3D", "GCPDir", "GCPW", "GCPDirOut", "GCPFilter", "GCPFilterAdd")
+TOPO = ("NbIter", "GCP3D", "GCPDir", "GCPW", "GCPDirOut", "GCPFilter", "GCPFilterAdd", "TopoRefr")
 """Those of `TopoAdj`."""
 
 
@@ -70,6 +71,8 @@ class BundleOptions:
         shared: (pattern of cameras, pattern of parameters) of `SharedIP`.
         reference: folder, sigma of centres, sigma of rotations or None, pattern of images.
         rigid: sigmas of translations and of matrix entries (`BRW`).
+        survey_weight: factor of the weights of all survey observations (`TopoW`).
+        refraction: coefficient of zenith angles; None for the usual one (`TopoRefr`).
         rigid_places: the same for the places in the block (`BRW_Rat`).
         chosen_names: pattern of the names of 3D points; empty for all (`GCPFilter`).
         chosen_information: pattern of their additional information (`GCPFilterAdd`).
@@ -91,6 +94,8 @@ class BundleOptions:
     rigid_out: str | None = None
     survey: str | None = None
     survey_out: str | None = None
+    survey_weight: float = 1.0
+    refraction: float | None = None
     chosen_names: str = ""
     chosen_information: str = ""
     ties: tuple[Set2D, ...] = field(default=())
@@ -138,6 +143,8 @@ def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleO
         rigid_out=text_of(given, "OutRigBlock"),
         survey=text_of(given, "TopoDirIn"),
         survey_out=text_of(given, "TopoDirOut"),
+        survey_weight=_weight(given),
+        refraction=number_at([given["TopoRefr"]], 0, "TopoRefr") if "TopoRefr" in given else None,
         chosen_names=text_of(given, "GCPFilter") or "",
         chosen_information=text_of(given, "GCPFilterAdd") or "",
         ties=_ties(given, folder),
@@ -213,6 +220,16 @@ def _reference(given: dict[str, Value]) -> tuple[str, float, float | None, str] 
     turn = number_at(row, 2, "RefOri") if len(row) > 2 else -1.0
     pattern = word_at(row, 3) if len(row) > 3 else ".*"
     return word_at(row, 0), number_at(row, 1, "RefOri"), turn if turn > 0.0 else None, pattern
+
+
+def _weight(given: dict[str, Value]) -> float:
+    """The factor of the weights of the survey."""
+    if "TopoW" not in given:
+        return 1.0
+    weight = number_at([given["TopoW"]], 0, "TopoW")
+    if not weight > 0.0 or "TopoDirIn" not in given:
+        raise InputError("TopoW is above zero, and goes with TopoDirIn")
+    return weight
 
 
 def _inverse_root(row: Sequence[Value]) -> float | None:

@@ -50,13 +50,17 @@ def survey_points(control: ControlPoints) -> Points:
     return replace(points, covariance=CoordinateCovariance(names, block_diag(*control.covariances[rows])))
 
 
-def network_of(points: Points, book: FieldBook, definition: str) -> Network:
+def network_of(
+    points: Points, book: FieldBook, definition: str, refraction: float | None = None, weight: float = 1.0
+) -> Network:
     """The network of points and observations in the system of a project.
 
     Args:
         points: in that system.
         book: observations; the points that they name and `points` lacks are free.
         definition: of the system; `LocalNONE` is a plane with heights.
+        refraction: coefficient of zenith angles; None for the usual one.
+        weight: factor of the weights of all observations.
 
     Raises:
         InputError: the system is no frame to compute in.
@@ -67,8 +71,17 @@ def network_of(points: Points, book: FieldBook, definition: str) -> Network:
             f"the points are in {definition}, which is no Euclidean frame: convert them first, with "
             "`obseq change-sysco RTL*X0*Y0*Z0*DEFINITION POINTS OUT` (X0 Y0 Z0 near the points)"
         )
-    completed, numbered = join(points, book)
-    return Network(completed, numbered, Frame(system), system)
+    completed, numbered = join(points, _weighted(book, weight))
+    frame = Frame(system) if refraction is None else Frame(system, refraction)
+    return Network(completed, numbered, frame, system)
+
+
+def _weighted(book: FieldBook, weight: float) -> FieldBook:
+    """The observations with their weights multiplied."""
+    rows, root = book.observations, float(np.sqrt(weight))
+    scaled = replace(rows, sigmas=rows.sigmas / root, relative_sigmas=rows.relative_sigmas / root)
+    clusters = tuple(replace(one, covariance=one.covariance / weight) for one in book.clusters)
+    return book if weight == 1.0 else replace(book, observations=scaled, clusters=clusters)
 
 
 def adjusted_control(adjustment: Adjustment) -> ControlPoints:

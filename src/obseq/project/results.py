@@ -140,7 +140,8 @@ def adjusted_points(solution: BundleSolution) -> ControlPoints:
     has_any = solution.result.has_covariances
     covariances = [solution.point_covariances if has_any else _unknown(len(names))]
     for part in solution.surveys:
-        new = [row for row, name in enumerate(part.network.points.names) if name not in set(names)]
+        known = {*names, *solution.poses.images}  # a projection centre is no point of a project
+        new = [row for row, name in enumerate(part.network.points.names) if name not in known]
         names += [part.network.points.names[row] for row in new]
         places.append(part.coordinates(solution.result)[new])
         ids = part.equations.points[new]

@@ -35,7 +35,8 @@ SERIALISED = (".xml", ".json")
 AZIMUTH, DIRECTION = "Azim", "Hz"
 NAMES = ("Dist", "Hz", "Zen", "DX", "DY", "DZ", "DH")
 """The kinds of observations that a serialised file can hold."""
-KEYWORDS = {status.keyword: status for status in (Orientation.FIX, Orientation.VERT, Orientation.BASC)}
+OF_STATIONS = (Orientation.FIX, Orientation.VERT, Orientation.BASC, Orientation.CAM)
+KEYWORDS = {status.keyword: status for status in OF_STATIONS}
 COLUMNS = tuple(field.name for field in fields(Observations))
 LARGEST_ANGLE = 2.0 * np.pi + 1e-9
 

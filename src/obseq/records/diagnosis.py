@@ -111,6 +111,11 @@ class DiagnosisRecord(Record, frozen=True, omit_defaults=False):
         return (self.left / self.redundancy) ** 0.5 if self.redundancy > 0 else None
 
     @property
+    def is_silent(self) -> bool:
+        """Whether nothing is accused, and that was found out."""
+        return not self.accused and self.status != "undecided"
+
+    @property
     def is_quiet(self) -> bool:
         """Whether nothing is wrong: not where something is, if nothing is accused of it."""
         return self.status == "accepted"

@@ -29,9 +29,10 @@ _ORIENTING_UNLESS_ZERO = codes(*(kind for kind in KINDS if kind.orients < 0))
 
 
 class Orientation(enum.IntEnum):
-    """How a station is turned: local axes, plumb with an unknown zero, free, or plumb along the grid.
+    """How a station is turned: local axes, plumb with an unknown zero, free, along the grid, as an image.
 
     `GRID` is Comp3D's, for differences of coordinates: east and north are those of the origin of the frame.
+    `CAM` is a camera, which reads directions in its own axes; its point is called like its image.
     Arrays are compared with its `value`: NumPy asks members for attributes, and loses interruptions then.
     """
 
@@ -39,6 +40,7 @@ class Orientation(enum.IntEnum):
     VERT = 1
     BASC = 2
     GRID = 3
+    CAM = 4
 
     @property
     def keyword(self) -> str:
@@ -253,6 +255,12 @@ class FieldBook:
         """Whether some observations have unknowns of their group."""
         return any(group.kind is GroupKind.UNKNOWNS for group in self.groups)
 
+    @property
+    def of_cameras(self) -> BoolArray:
+        """(n,) observations of stations that are cameras."""
+        is_camera = np.append(self.stations.orientations == Orientation.CAM.value, np.False_)
+        return np.asarray(is_camera[self.observations.stations] & self.observations.active)
+
     def without(self, rows: BoolArray) -> FieldBook:
         """The same with some more observations (a mask) switched off."""
         observations = replace(self.observations, active=self.observations.active & ~rows)
@@ -292,7 +300,7 @@ def automatic_fix(book: FieldBook) -> npt.NDArray[np.int8]:
     orienting = among(observations.types, _ORIENTING)
     orienting |= (observations.values != 0.0) & among(observations.types, _ORIENTING_UNLESS_ZERO)
     kept = orienting & observations.active & (observations.stations >= 0)
-    is_oriented = np.zeros(len(book.stations), np.bool_)
+    is_oriented = book.stations.orientations == Orientation.CAM.value
     is_oriented[observations.stations[kept]] = True
     declared = np.where(
         book.stations.orientations == Orientation.GRID.value,

@@ -106,6 +106,7 @@ class Network:
         refraction=NUMBER,
         geoid=PATH | NOTHING,
         stochastic=PATH | NOTHING,
+        instrument=TEXT | NOTHING,
         faces=TEXT,
     )
     def read(
@@ -122,6 +123,7 @@ class Network:
         refraction: float = crs.REFRACTION_COEFFICIENT,
         geoid: str | Path | None = None,
         stochastic: str | Path | None = None,
+        instrument: str | None = None,
         faces: str = MEAN,
     ) -> Network:
         """Reads OBS files and point files.
@@ -143,6 +145,8 @@ class Network:
             geoid: Deflections of the vertical of points whose line gives none (see `with_deflections`).
             stochastic: File that says what observations are worth, in place of their own sigmas (see
                 `obseq.formats.read_stochastic`).
+            instrument: Name of an instrument of that file, or of the library, that all are alike (see
+                `obseq.formats.stochastic_model`).
             faces: Of sights in both faces of the telescope, "mean" to adjust the means, "all" all readings.
 
         Raises:
@@ -152,7 +156,8 @@ class Network:
         network = files.read_network(
             observation_files, point_files, frame, points, encoding, ignore, refraction, faces
         )
-        network = network if stochastic is None else files.read_stochastic(stochastic).weighing(network)
+        if stochastic is not None or instrument is not None:
+            network = files.stochastic_model(stochastic, instrument).weighing(network)
         return network if geoid is None else network.with_deflections(geoid)
 
     @classmethod
@@ -167,6 +172,7 @@ class Network:
         sigmas=WORDS,
         points_crs=TEXT | NOTHING,
         stochastic=PATH | NOTHING,
+        instrument=TEXT | NOTHING,
         faces=TEXT,
         point_files=PATHS,
         point_sigma=NUMBER | NOTHING,
@@ -184,6 +190,7 @@ class Network:
         ignore: Collection[str] = (),
         sigmas: Collection[str] = (),
         stochastic: str | Path | None = None,
+        instrument: str | None = None,
         faces: str = MEAN,
         point_files: str | Path | Sequence[str | Path] = (),
         point_sigma: float | None = None,
@@ -204,6 +211,7 @@ class Network:
                 LandXML).
             stochastic: File that says what observations of each instrument are worth, centring included (see
                 `obseq.formats.read_stochastic`): in place of the sigmas of the files, where they have some.
+            instrument: As for `read`; standard deviations that `sigmas` names go before its own.
             faces: "mean" or "all", as for `read`.
             point_files: More points, as for `read`: those of which the files themselves say nothing.
             point_sigma: Sigma (m) of known ones among these whose line gives none.
@@ -216,7 +224,7 @@ class Network:
             (point_files, point_sigma),
             (frame, points_crs),
             (encoding, outside, ignore),
-            (sigmas, stochastic, faces),
+            (sigmas, stochastic, instrument, faces),
             refraction,
             geoid,
         )
@@ -320,6 +328,11 @@ class Network:
         Raises:
             InputError: Some points or stations cannot be placed; the message lists them with the reasons.
         """
+        if (rows := np.flatnonzero(self.book.of_cameras)).size:
+            raise InputError(
+                f"{self.book.label(int(rows[0]))}: its station is a camera (#CAM), which an adjustment of "
+                "images turns: bundle-adjust with TopoDirIn, or BundleAdjustment.add_survey"
+            )
         initial = self.fieldwork.initial_values()
         initial.require_complete()
         return initial

@@ -31,17 +31,24 @@ class Covering:
 
     def __init__(self) -> None:
         self._sheets: list[tuple[Placed, FloatArray]] = []
+        self._around = np.empty((0, 3))
 
     def __len__(self) -> int:
         return len(self._sheets)
 
     def add(self, placed: Placed, edges: FloatArray) -> None:
         """Adds a sheet with its edges (4,), units."""
+        corners = np.array([[x, y] for x in edges[:2] for y in edges[2:]])
+        reach = np.hypot(*(placed.pixels(corners) - placed.centre).T).max()
         self._sheets.append((placed, edges))
+        self._around = np.vstack((self._around, [*placed.centre, reach]))
 
     def covers(self, places: FloatRows, since: int = 0) -> BoolArray:
         """(n,) which places (n, 2), pixels, lie on one of those that were added after some."""
         found = np.zeros(len(places), dtype=bool)
-        for placed, edges in self._sheets[since:]:
-            found |= covered_by(placed, edges, places)
+        around = self._around[since:]
+        near = np.hypot(places[:, :1] - around[:, 0], places[:, 1:] - around[:, 1]) < around[:, 2]
+        for k in np.flatnonzero(near.any(axis=0)).tolist():
+            rows = np.flatnonzero(near[:, k])
+            found[rows] |= covered_by(*self._sheets[since + k], places[rows])
         return found

@@ -76,6 +76,19 @@ def read_picture(path: str | Path) -> Picture:
     return Picture(place.name, grey, orientation not in (0, 1))
 
 
+def picture_size(path: str | Path) -> tuple[int, int] | None:
+    """Width and height of an image as stored; None where there is no image that can be read, or no Pillow."""
+    try:
+        from PIL import Image
+    except ImportError:
+        return None
+    try:
+        with Image.open(path) as image:
+            return int(image.size[0]), int(image.size[1])
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None
+
+
 def _too_large(path: Path) -> str:
     return f"{path}: has more than {LARGEST // 10**6} million pixels; cut it into parts"
 

@@ -39,6 +39,9 @@ _SAME_HEIGHT = 1e-3
 """Height (m) above the ellipsoid of WGS 84 below which a point of height 0 is of its datum."""
 REMOTE = ("8", KNOWN_REMOTE := "9")
 """Codes of points that have no part in inner constraints; the latter stay known."""
+PLANNED = ("", "propagation", "simulation")
+"""Projects that are no adjustments, by `compute_type`."""
+SIMULATION = 2
 DEFAULTS = {
     "root_COR_file": "",
     "root_OBS_file": "",
@@ -117,7 +120,19 @@ def _settings(path: Path) -> tuple[Configuration, tuple[str, ...]]:
     )
     complete = DEFAULTS | config
     _check(path, complete)
-    return complete, told
+    return complete, (*told, *_planned(path, complete))
+
+
+def _planned(path: Path, config: Configuration) -> tuple[str, ...]:
+    """What is said of projects that are no adjustments: the values of their observations do not count."""
+    kind = PLANNED[config["compute_type"]]
+    if not kind:
+        return ()
+    draws = f" --draws {config['max_iterations']}" if config["compute_type"] == SIMULATION else ""
+    return (
+        f"{path}: it is a {kind}, to be planned: obseq plan {path.name}{draws}. An adjustment takes the "
+        "values of its observations as they stand",
+    )
 
 
 def _check(path: Path, config: Configuration) -> None:
@@ -129,11 +144,8 @@ def _check(path: Path, config: Configuration) -> None:
             raise InputError(f"{path}: config.{key} is empty; name the file")
     if config["files_unit"] not in range(len(UNITS)) or not isinstance(config["files_unit"], int):
         raise InputError(f"{path}: config.files_unit is {config['files_unit']!r}; it goes from 0 to 3")
-    if config["compute_type"] != 0:
-        raise InputError(
-            f"{path}: config.compute_type is {config['compute_type']}: only adjustments (0) are read, not "
-            "propagations or simulations"
-        )
+    if config["compute_type"] not in range(len(PLANNED)):
+        raise InputError(f"{path}: config.compute_type is {config['compute_type']!r}; it is 0, 1 or 2")
     centre = config["local_center"]
     if len(centre) < 2 or not all(isinstance(value, int | float) for value in centre):
         raise InputError(f"{path}: config.local_center is {centre!r}; [east, north, 0] is needed")

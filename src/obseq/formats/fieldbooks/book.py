@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 SHOWN = 5
 """Names or places that a warning lists."""
-LIFTED = codes(DIST, ZEN)
+LIFTED = frozenset(codes(DIST, ZEN))
 """Kinds that the heights of both ends have a part in."""
 KILOMETRE = 1000.0
 
@@ -55,6 +55,16 @@ class Sight(NamedTuple):
     zenith: float | None = None
     slope: float | None = None
     flat: float | None = None
+
+
+class _Staff(NamedTuple):
+    """A reading of a levelling staff: its line, point, reading and distance (m), whether it is backwards."""
+
+    line: int
+    name: str
+    reading: float
+    length: float
+    is_back: bool
 
 
 class _SetUp:
@@ -91,6 +101,7 @@ class Book:
         self._notes: list[str] = []
         self._set_ups: dict[str, _SetUp] = {}
         self._set_up: _SetUp | None = None
+        self._staffs: list[_Staff] = []
         self.use("")
 
     def open(self, file: TextFile) -> None:
@@ -103,6 +114,7 @@ class Book:
         """The instrument of the sights that follow; "" for one without a name."""
         name = named(instrument) if instrument.strip() else ""
         self._group, self._given = self._columns.instrument(name), self._model.of(name)
+        self._worth: dict[int, tuple[float, float]] = {}
 
     def set_up(self, index: int, name: str, height: float = 0.0, key: str = "") -> None:
         """The instrument stands on a point now, with a circle of its own.
@@ -156,11 +168,29 @@ class Book:
         elif sight.flat is not None and sight.flat > 0.0:
             self._add(index, DIST_HZ, target, sight.flat)
 
-    def level(self, index: int, origin: str, target: str, rise: float, length: float) -> None:
-        """Takes a height difference between staffs, and the length of its sights (m)."""
+    def staff(self, index: int, name: str, reading: float, length: float, *, is_back: bool) -> None:
+        """Takes a reading of a levelling staff and its distance (m); a backsight elsewhere begins a turn."""
+        if is_back and any(staff.is_back and staff.name != name for staff in self._staffs):
+            self.end_turn()
+        self._staffs.append(_Staff(index, name, reading, length, is_back))
+
+    def end_turn(self) -> None:
+        """Ends a turn of a level: its height difference is the mean of its readings."""
+        back, fore = ([s for s in self._staffs if s.is_back == is_back] for is_back in (True, False))
+        self._staffs = []
+        if not (back and fore):
+            return
+        rise = sum(s.reading for s in back) / len(back) - sum(s.reading for s in fore) / len(fore)
+        length = sum(s.length for s in back) / len(back) + sum(s.length for s in fore) / len(fore)
+        self._level(fore[0].line, back[0].name, fore[0].name, rise, length)
+
+    def _level(self, index: int, origin: str, target: str, rise: float, length: float) -> None:
+        """Takes a height difference of one turn, between two staffs, and the length of its sights (m)."""
         ends = [self._columns.point(self.file, index, name) for name in (origin, target)]
-        name = "height-per-km" if length > 0.0 and "height-per-km" in self._given else "height"
-        sigma = self._sigma(index, DH, name) * (math.sqrt(length / KILOMETRE) if name != "height" else 1.0)
+        names = ("height-per-turn", *(["height-per-km"] if length > 0.0 else []), "height")
+        name = next((name for name in names if name in self._given), names[-1])
+        share = math.sqrt(length / KILOMETRE) if name == "height-per-km" else 1.0
+        sigma = self._sigma(index, DH, name) * share
         measure = Measure(DH, ends[0], ends[1], rise, sigma, group=self._group)
         self._columns.append(measure, self._number, index)
 
@@ -207,6 +237,7 @@ class Book:
 
     def _end(self) -> None:
         """Ends a set-up: the reading to its reference counts where nothing else was read there."""
+        self.end_turn()
         if self._set_up is None or self._set_up.reference is None:
             return
         index, target, reading = self._set_up.reference
@@ -217,9 +248,12 @@ class Book:
 
     def _add(self, index: int, kind: ObservationKind, target: int, value: float) -> None:
         set_up = self._standing(index)
-        sigma = self._sigma(index, kind, NAME_OF[kind])
+        worth = self._worth.get(kind.code)
+        if worth is None:  # looked up once for each instrument
+            relative = self._given.get("distance-ppm", 0.0) if kind in (DIST, DIST_HZ) else 0.0
+            worth = self._worth[kind.code] = self._sigma(index, kind, NAME_OF[kind]), relative
+        sigma, relative = worth
         lifts = (set_up.height, self.target_height) if kind.code in LIFTED else (0.0, 0.0)
-        relative = self._given.get("distance-ppm", 0.0) if kind in (DIST, DIST_HZ) else 0.0
         station = set_up.station if kind.needs_station else -1
         measure = Measure(
             kind, set_up.origin, target, value, sigma, True, relative, *lifts, station, self._group

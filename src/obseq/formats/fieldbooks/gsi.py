@@ -4,6 +4,7 @@ A line holds words of 16 or 24 characters: two digits that say what it is, four 
 a sign, and 8 or 16 characters. A block begins with the number of its point (11) or a code (41). A block with
 the coordinates of the station (84, 85), or its name (16), sets the instrument up. Where a file has neither, a
 code with a name (42) and a height (43) does it, as many code lists have it. Coordinates are first values.
+Digital levels write readings of the staff (331, 332, 335, 336) with their distances (32).
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ SHORT, LONG = 16, 24
 """Characters of a word of GSI-8 and GSI-16, the blank after it included."""
 POINT, INSTRUMENT, STATION, CODE, NAME, HEIGHT = "11", "12", "16", "41", "42", "43"
 HORIZONTAL, VERTICAL, SLOPE, FLAT = "21", "22", "31", "32"
+STAFF = "33"
+BACK, FORE, OTHER_STAFFS = ("1", "5"), ("2", "6"), ("0", "3", "4")
+"""Third characters of readings of a levelling staff: backwards, forwards, and those that are no turn."""
 TARGET, PLACE = ("81", "82", "83"), ("84", "85", "86")
 TARGET_HEIGHT, INSTRUMENT_HEIGHT = "87", "88"
 LENGTHS = {"0": 1e-3, "1": FOOT * 1e-3, "6": 1e-4, "7": FOOT * 1e-4, "8": 1e-5}
@@ -40,12 +44,15 @@ ANGLES = {"2": math.pi / 200.0 * 1e-5, "3": math.pi / 180.0 * 1e-5, "5": math.pi
 """Radians in the last digit of an angle, by its unit."""
 SEXAGESIMAL = "4"
 """Unit of angles that are written dddmmss, and a tenth of a second."""
-_WORD = re.compile(r"(\d\d)([0-9.]{3})([0-9.])([+-])(.+)")
+_SHORT_WORD, _LONG_WORD = (
+    re.compile(rf"(\d\d)([0-9.])[0-9.]{{2}}([0-9.])([+-])(.{{1,{digits}}})(?: |$)") for digits in (8, 16)
+)
 
 
 class _Word(NamedTuple):
-    """A word: its unit, and what it holds with its sign."""
+    """A word: what its third character says, its unit, and what it holds with its sign."""
 
+    more: str
     unit: str
     sign: str
     text: str
@@ -119,6 +126,14 @@ class _Gsi:
         if _is_station(block):
             self._keep(block, name, PLACE)
             book.set_up(block.line, name, self._height)
+        elif STAFF in words and words[STAFF].more in (*BACK, *FORE):
+            distance = self._length(block, FLAT) if FLAT in words else 0.0
+            is_back = words[STAFF].more in BACK
+            book.staff(block.line, name, self._length(block, STAFF), distance, is_back=is_back)
+        elif STAFF in words and words[STAFF].more in OTHER_STAFFS:
+            book.leave_out(block.line, "intermediate readings of a levelling staff")
+        elif TARGET[2] in words and TARGET[0] not in words:  # the result of a turn
+            book.end_turn()
         elif HORIZONTAL in words or VERTICAL in words:
             angles = [self._angle(block, word) if word in words else None for word in (HORIZONTAL, VERTICAL)]
             lengths = [self._length(block, word) if word in words else None for word in (SLOPE, FLAT)]
@@ -160,9 +175,10 @@ class _Gsi:
 
     def _digits(self, block: _Block, word: str) -> float:
         found = block.words[word]
-        if not (found.text.isascii() and found.text.isdigit()):
-            raise self._file.error(block.line, f"word {word}: {found.text[:20]!r} is no whole number")
-        return float(f"{found.sign}{int(found.text)}")
+        text = found.text.strip()
+        if not (text.isascii() and text.isdigit()):
+            raise self._file.error(block.line, f"word {word}: {text[:20]!r} is no whole number")
+        return float(f"{found.sign}{text}")
 
 
 def _is_empty(word: _Word) -> bool:
@@ -177,27 +193,22 @@ def _is_station(block: _Block) -> bool:
 
 
 def _blocks(file: TextFile) -> Iterator[_Block]:
-    """The blocks of a file; several may stand in a line."""
+    """The blocks of a file; several may stand in a line, of words as wide as its first character says."""
     for index, line in enumerate(file.lines):
+        text = line.strip()
+        is_long = text.startswith("*")
+        width, read = (LONG, _LONG_WORD) if is_long else (SHORT, _SHORT_WORD)
         words: dict[str, _Word] = {}
-        for number, word in _words(file, index, line):
-            if number in (POINT, CODE) and words:
+        for place in range(is_long, len(text), width):
+            found = read.match(text, place)
+            if found is None:
+                wrong = text[place : place + width]
+                raise file.error(index, f"no word of GSI at character {place - is_long + 1}: {wrong!r}")
+            number, *parts = found.groups()
+            if words and number in (POINT, CODE):
                 yield _Block(index, words)
                 words = {}
-            words.setdefault(number, word)
+            if number not in words:
+                words[number] = _Word(*parts)
         if words:
             yield _Block(index, words)
-
-
-def _words(file: TextFile, index: int, line: str) -> Iterator[tuple[str, _Word]]:
-    """The words of a line, of the width that its first character says."""
-    text = line.strip()
-    width = LONG if text.startswith("*") else SHORT
-    text = text.removeprefix("*")
-    for place in range(0, len(text), width):
-        found = _WORD.fullmatch(text[place : place + width].rstrip())
-        if found is None:
-            raise file.error(
-                index, f"no word of GSI at character {place + 1}: {text[place : place + width]!r}"
-            )
-        yield found[1], _Word(found[3], found[4], found[5].strip())

@@ -26,7 +26,6 @@ LENGTHS = {"m": 1.0, "ft": FOOT, "mm": 1e-3, "in": FOOT / 12.0}
 UNITS_OF_ANGLES = {"dms": "dms", "gon": "gon", "grd": "gon", "deg": "deg", "mil": "mil"}
 WORDS = {"Lr": "Rb", "Lv": "Rf", "Lz": "Rz", "E": "HD", "N_": "X", "E_": "Y", "Z_": "Z"}
 """The same types in another language of the instrument."""
-STAFFS = ("Rb", "Rf")
 NEW_SET_UP = ("KN STAT", "UN STAT", "OR.COOR")
 STATION = "S"
 NAME_ENDS = 27
@@ -40,16 +39,6 @@ class _Value(NamedTuple):
 
     text: str
     unit: str
-
-
-class _Staff(NamedTuple):
-    """A reading of a levelling staff: its line, kind, point, reading and distance (m)."""
-
-    line: int
-    kind: str
-    name: str
-    reading: float
-    length: float
 
 
 class _Line(NamedTuple):
@@ -82,7 +71,6 @@ class _M5:
     def __init__(self, book: Book, file: TextFile) -> None:
         self._book, self._file, self._height = book, file, 0.0
         self._waiting: list[tuple[int, str, float, Sight]] = []
-        self._staffs: list[_Staff] = []
         book.open(file)
 
     def read(self) -> None:
@@ -97,7 +85,6 @@ class _M5:
             parts = [part for part in map(_VALUE.fullmatch, rest) if part is not None]
             values = {WORDS.get(part[1], part[1]): _Value(part[2], part[3].lower()) for part in parts}
             self._take(index, _Line(found[2] in ("PI", "KD", "KR"), info, values))
-        self._level()
         if self._waiting:
             self._book.leave_out(self._waiting[0][0], "orientations without a station that follows")
 
@@ -119,7 +106,7 @@ class _M5:
         if "Rb" in values or "Rf" in values:
             self._staff(index, name, values)
             return
-        self._level()
+        self._book.end_turn()
         if "X" in values and "Y" in values:
             z = self._length(index, values["Z"]) if "Z" in values else math.nan
             self._book.place(
@@ -155,25 +142,10 @@ class _M5:
         return Sight(direction, zenith, slope, flat)
 
     def _staff(self, index: int, name: str, values: dict[str, _Value]) -> None:
-        """A reading of a levelling staff; a backward one of another point begins the next set-up."""
+        """A reading of a levelling staff."""
         kind = "Rb" if "Rb" in values else "Rf"
-        if kind == "Rb" and any(staff.kind == "Rb" and staff.name != name for staff in self._staffs):
-            self._level()
         length = self._length(index, values["HD"]) if "HD" in values else 0.0
-        self._staffs.append(_Staff(index, kind, name, self._length(index, values[kind]), length))
-
-    def _level(self) -> None:
-        """The height difference of the set-up of a level: the mean of its readings."""
-        back, fore = ([staff for staff in self._staffs if staff.kind == kind] for kind in STAFFS)
-        self._staffs = []
-        if not (back and fore):
-            return
-        rise, length = (
-            sum(staff.reading for staff in back) / len(back)
-            - sum(staff.reading for staff in fore) / len(fore),
-            sum(staff.length for staff in back) / len(back) + sum(staff.length for staff in fore) / len(fore),
-        )
-        self._book.level(fore[0].line, back[0].name, fore[0].name, rise, length)
+        self._book.staff(index, name, self._length(index, values[kind]), length, is_back=kind == "Rb")
 
     def _length(self, index: int, value: _Value) -> float:
         if value.unit not in LENGTHS:

@@ -141,10 +141,13 @@ class ObservationLines:
             way, rest = line.length(rest[0]), rest[1:]
         (sigma,), heights = split_rest(line, rest, (False,))
         if sigma.value is None and sigma.is_active:
-            self._ways.append((way, line))
-            sigma = Sigma(
-                self._default(line, "height-per-km") * math.sqrt(way / KILOMETRE) if way > 0.0 else None
-            )
+            if way > 0.0 and "height-per-turn" in self._given(line):  # what stands there counts turns
+                turns = way / line.options.metres
+                sigma = Sigma(self._default(line, "height-per-turn") * math.sqrt(turns))
+            else:
+                self._ways.append((way, line))
+                per_root = self._default(line, "height-per-km") if way > 0.0 else 0.0
+                sigma = Sigma(per_root * math.sqrt(way / KILOMETRE) or None)
         self._add(line, DH, start, to, rise, sigma, heights)
 
     # Lines of several

@@ -10,9 +10,10 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.adjustment.equations import Equations
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.equations import Equations as BlockEquations
@@ -70,9 +71,11 @@ def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list
             if not np.isfinite(known[own]).all():
                 known[own] = coordinates[other]
         # all heights are unknowns: the images may observe those that the survey does not
-        work = replace(network.fieldwork, points=replace(network.points, coordinates=known))
+        book = network.book.without(network.book.of_cameras)
+        work = replace(network.fieldwork, points=replace(network.points, coordinates=known), book=book)
         found = work.initial_values()
         found.require_complete()
+        found = _with_cameras(found, network, start)
         for own, other in shared:
             if not np.isfinite(coordinates[other]).all():
                 coordinates[other] = found.coordinates[own]
@@ -86,6 +89,26 @@ def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list
     return replace(start, coordinates=coordinates), initial
 
 
+def _with_cameras(found: InitialValues, network: Network, start: Start) -> InitialValues:
+    """The initial values with the stations that are cameras turned as their images.
+
+    Raises:
+        InputError: a station is a camera, and no image is called like its point.
+    """
+    stations = network.book.stations
+    cameras = np.flatnonzero(stations.orientations == Orientation.CAM.value)
+    if not cameras.size:
+        return found
+    turned = dict(zip(start.poses.images, start.poses.rotations, strict=True))
+    names = [network.points.names[origin] for origin in stations.origins[cameras]]
+    if unknown := [name for name in names if name not in turned]:
+        raise InputError(f"station {unknown[0]} is a camera (#CAM), but no image is called so")
+    rotations, orientations = found.rotations.copy(), found.orientations.copy()
+    rotations[cameras] = [turned[name] for name in names]
+    orientations[cameras] = Orientation.CAM.value
+    return replace(found, rotations=rotations, orientations=orientations)
+
+
 def places_in(start: Start, equations: BlockEquations) -> Iterator[tuple[str, int]]:
     """Names and blocks of the points and the projection centres of a block in its system."""
     yield from zip(start.points, map(int, equations.points), strict=True)
@@ -97,8 +120,17 @@ def join_surveys(
     initial: Sequence[InitialValues],
     system: LeastSquares,
     shared: Iterable[tuple[str, int]],
+    turned: Mapping[str, int] | None = None,
 ) -> list[JoinedSurvey]:
-    """Adds networks to a system that has the points `shared` (name, block) already."""
+    """Adds networks to a system that has points already, and rotations of images.
+
+    Args:
+        networks: the networks.
+        initial: their initial values.
+        system: the system.
+        shared: name and block of each point that it has.
+        turned: block of the rotation of each image, which stations that are cameras have too.
+    """
     parts, known = [], dict(shared) if networks else {}
     for network, found in zip(networks, initial, strict=True):
         equations = Equations(
@@ -111,8 +143,25 @@ def join_surveys(
             known,
         )
         known |= dict(zip(network.points.names, map(int, equations.points), strict=True))
+        _tie_cameras(system, network, equations, turned or {})
         parts.append(JoinedSurvey(network, equations))
     return parts
+
+
+def _tie_cameras(
+    system: LeastSquares, network: Network, equations: Equations, turned: Mapping[str, int]
+) -> None:
+    """Makes stations that are cameras turn with their images, which they are turned as."""
+    stations = network.book.stations
+    cameras = np.flatnonzero(stations.orientations == Orientation.CAM.value)
+    if cameras.size:
+        names = [network.points.names[origin] for origin in stations.origins[cameras]]
+        own = np.repeat(equations.instruments.ids[cameras], 3)
+        images = np.repeat([turned[name] for name in names], 3)
+        unit = np.tile(np.eye(3), (len(names), 1))
+        labels = [f"station {name} = image, {axis}" for name in names for axis in "xyz"]
+        none = np.zeros(len(unit))
+        system.constrain_linear([own, images], [unit, -unit], none, labels, is_tangent=True)
 
 
 def follower(parts: Sequence[JoinedSurvey]) -> Callable[[LeastSquares, int], None] | None:

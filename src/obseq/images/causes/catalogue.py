@@ -13,6 +13,8 @@ from obseq.images.adjustment.equations import roots_of
 from obseq.images.causes.registry import CAUSES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from scipy.sparse import csr_array
 
     from obseq.arrays import FloatArray, IntArray
@@ -82,8 +84,8 @@ class Catalogue:
         alone.data *= -1.0
         parameters = [self._of_parameter(linear, k) for k in range(len(self.numbering.parameters))]
         own = csc_array(np.column_stack(parameters)) if parameters else csc_array((linear.n, 0))
-        is_local = np.arange(linear.n + len(parameters)) < linear.n
-        return Columns(csc_array(hstack([alone, own], format="csc")), is_local)
+        made = csc_array(hstack([alone, own, self._of_held(linear)], format="csc"))
+        return Columns(made, np.arange(made.shape[1]) < linear.n)
 
     def _mixtures(self) -> csr_array:
         """(n, n) from errors of observations to those of equations: coordinates may be whitened already."""
@@ -111,21 +113,48 @@ class Catalogue:
         numbering = self.numbering
         parameter, system = numbering.parameters[k], numbering.equations.system
         at = system.unknowns.components(parameter.block).index(parameter.name)
-        value = system.values([parameter.block])
         step = STEP_OF_POINT if parameter.name.startswith("PP") else STEP
-        step *= float(value[0, at]) if parameter.name == "F" else 1.0
-        found = []
+        step *= float(system.values([parameter.block])[0, at]) if parameter.name == "F" else 1.0
+        return np.asarray(linear.whitening @ self._moved([parameter.block], at, step))
+
+    def _moved(self, blocks: Sequence[int] | IntArray, component: int, step: float) -> FloatArray:
+        """(n,) what an unknown of some blocks adds to computed minus observed, for one unit of it."""
+        system, found = self.numbering.equations.system, []
+        value = system.values(blocks)
         for sign in (1.0, -1.0):
             moved = value.copy()
-            moved[0, at] += sign * step
-            system.set_values([parameter.block], moved)
-            found.append(
-                np.concatenate(
-                    [system.residuals(item.batch).ravel() for item in numbering.equations.measures]
-                )
-            )
-        system.set_values([parameter.block], value)
-        change = np.zeros(linear.n)
-        change[: numbering.first_control] = np.nan_to_num(found[0] - found[1]) / (2.0 * step)
-        change[: numbering.first_control][~np.repeat(numbering.kept, 2)] = 0.0
-        return np.asarray(linear.whitening @ change)
+            moved[:, component] += sign * step
+            system.set_values(blocks, moved)
+            measures = self.numbering.equations.measures
+            found.append(np.concatenate([system.residuals(item.batch).ravel() for item in measures]))
+        system.set_values(blocks, value)
+        change = np.zeros(self.numbering.n)
+        change[: self.numbering.first_control] = np.nan_to_num(found[0] - found[1]) / (2.0 * step)
+        change[: self.numbering.first_control][~np.repeat(self.numbering.kept, 2)] = 0.0
+        return change
+
+    def _of_held(self, linear: Linear) -> csr_array:
+        """(n, h) what one unit of each held coordinate adds: all along one axis are moved at once."""
+        from scipy.sparse import csr_array
+
+        numbering, equations = self.numbering, self.numbering.equations
+        points, axes = numbering.held.T
+        made = csr_array((numbering.n, len(points)))
+        for axis in sorted(set(axes.tolist())):
+            (own,) = np.nonzero(axes == axis)
+            blocks = equations.points[points[own]]
+            change = self._moved(blocks, axis, STEP * self._distance)
+            column = np.full(len(equations.points), -1)
+            column[points[own]] = own
+            of = np.repeat(column[numbering.point], 2)
+            (rows,) = np.nonzero(of >= 0)
+            made = made + csr_array((change[rows], (rows, of[rows])), shape=made.shape)
+        return csr_array(linear.whitening @ made)
+
+    @property
+    def _distance(self) -> float:
+        """How far points are from images, about."""
+        equations = self.numbering.equations
+        near, far = equations.system.values(equations.centres), equations.system.values(equations.points)
+        off = far[self.numbering.point] - near[self.numbering.image]
+        return float(np.median(np.linalg.norm(off, axis=1)))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from obseq.images.causes.cause import Cause, Members
 from obseq.images.causes.coordinates import slips_of_a_coordinate
 
@@ -14,8 +12,7 @@ if TYPE_CHECKING:
 
 
 def _where(numbering: Numbering) -> Members:
-    rows = np.arange(len(numbering.control))
-    return Members.alike(numbering.first_control + rows[:, None], numbering.control)
+    return Members.alike(numbering.coordinate_columns[:, None], numbering.coordinates)
 
 
 def _words(numbering: Numbering, label: tuple[int, ...]) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from obseq.images.causes.cause import Cause, Members
 from obseq.images.causes.coordinates import slips_of_a_point
 
@@ -14,8 +12,7 @@ if TYPE_CHECKING:
 
 
 def _where(numbering: Numbering) -> Members:
-    columns = numbering.first_control + np.arange(len(numbering.control))
-    return Members.grouped(columns, numbering.control[:, 0], 2)
+    return Members.grouped(numbering.coordinate_columns, numbering.coordinates[:, 0], 2)
 
 
 def _words(numbering: Numbering, label: tuple[int, ...]) -> str:

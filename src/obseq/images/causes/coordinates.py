@@ -33,7 +33,7 @@ def slips_of_a_coordinate(evidence: Evidence, label: tuple[int, ...], change: Ch
 
 def slips_of_a_point(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:
     """What may be behind a control point that is elsewhere."""
-    start, columns = evidence.numbering.equations.start, evidence.numbering.control
+    start, columns = evidence.numbering.equations.start, evidence.numbering.coordinates
     axes = columns[columns[:, 0] == label[0], 1]
     given = start.coordinates[label[0]]
     right = given.copy()

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from obseq.diagnosis.engine import diagnose
+from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.verdict import Status
 from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
@@ -17,6 +18,7 @@ from obseq.images.causes.shared import Subject
 from obseq.images.causes.starts import start_from_images, start_from_measures
 from obseq.images.causes.trials import Tries, is_good, may_be_shared, squares
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
+from obseq.images.causes.whole_images import images_off, with_images
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
     from obseq.images.causes.trials import Fit
     from obseq.images.poses import Poses
 
-MOST_TESTED = 2500
-"""Image points of a block in which single errors are looked for; of larger ones the worst test is told."""
 MANY = 3
 """Errors from which one mistake that all observations share is likelier."""
 MIRRORED = (
@@ -48,7 +48,7 @@ def diagnosed(
     told: Callable[[str], None] = silent,
     **options: object,
 ) -> DiagnosisRecord | None:
-    """What is wrong with an adjusted block; None where nothing can tell, or the block is too large to look.
+    """What is wrong with an adjusted block; None where nothing can tell.
 
     Args:
         solution: of the block.
@@ -62,7 +62,7 @@ def diagnosed(
         return None
     subject = Subject(block, given, solution)
     is_astray = not solution.converged or is_mirrored(solution)
-    if has_robust_weights(solution) or measures > MOST_TESTED:
+    if has_robust_weights(solution):
         is_bad = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
         fits = Tries(subject, told, options).best() if is_bad and measures <= MOST_PLACED else []
         return record_of_fits(fits) if fits else None
@@ -99,7 +99,15 @@ def single_errors(block: AdjustableBlock, solution: BundleSolution, measures: in
     model = BlockModel(numbering, solution.result, follower(solution.surveys), others)
     with model.borrowed():
         verdict = diagnose(model)
-    return record_of_verdict(verdict, model.catalogue)
+        found = record_of_verdict(verdict, model.catalogue)
+        if model.numbering.n <= POLICY.large or verdict.status in (Status.ACCEPTED, Status.EXPLAINED):
+            return found
+        place = model.robust()
+        if not (images := images_off(model, place)).size:
+            return found
+        model.leave_out(images, place)
+        rest = record_of_verdict(diagnose(model), model.catalogue)
+        return with_images(rest, model, images, squares(solution))
 
 
 def _of_good(

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.cached import cached_property
-from obseq.diagnosis.linear import linearised
+from obseq.diagnosis.linear import diagonal, linearised
+from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
 from obseq.images.causes.catalogue import Catalogue
@@ -22,7 +23,7 @@ from obseq.leastsquares.statistics.final_state import final_state
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from obseq.arrays import BoolArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.diagnosis.columns import Columns
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
@@ -34,13 +35,15 @@ if TYPE_CHECKING:
 
 STAGES = ((Huber(1.5), 25), (GemanMcClure(8.0), 8), (GemanMcClure(4.0), 8))
 """Losses of the robust start, and the most iterations with each."""
+ROUNDS = 5
+"""The most with each where they begin at a solution: all of them cost as much as one adjustment."""
 NEAR, ITERATIONS, TOLERANCE = 0.05, 20, 1e-4
 """Standard deviations by which unknowns may still move: after a stage, and after an adjustment."""
 NO_WEIGHT = 1e6
 """Times its sigma, an observed unknown has no influence."""
 FITTING = 6.0
 """Sigmas: where most image points are farther off, poses did not start near their places."""
-DAMPED = "levenberg-marquardt"
+DAMPED, UNDAMPED = "levenberg-marquardt", "gauss-newton"
 
 
 class Place(NamedTuple):
@@ -81,17 +84,20 @@ class BlockModel:
         self._sigmas = [prior.sigmas.copy() for prior in numbering.priors]
         self._losses = [batch.loss for batch in numbering.batches]
         self._state, self._frozen = self._table.state(), self._table.frozen.copy()
+        self._given: Place | None = None
         self._evidence: tuple[Place, Evidence] | None = None
 
     @contextmanager
     def borrowed(self) -> Iterator[None]:
         """Without losses as long as it lasts; all is as it was afterwards."""
+        given = self._actives, self._frozen
         try:
             self._lose(None)
             yield
         finally:
             for batch, loss in zip(self.numbering.batches, self._losses, strict=True):
                 batch.loss = loss
+            self._actives, self._frozen = given
             self._put_back()
             self._table.restore(self._state)
 
@@ -109,7 +115,7 @@ class BlockModel:
     def _solution(self) -> Place | None:
         if self._result is None or not self._result.converged:
             return None
-        place = Place(self._result.state)
+        place = self._given = Place(self._result.state)
         return place if self._is_plain else self.adjusted(place, ())[0]
 
     def solution(self) -> Place | None:
@@ -117,7 +123,12 @@ class BlockModel:
         return self._solution
 
     def robust(self, without: Sequence[Change] = ()) -> Place:
-        """Where iterations with redescending losses lead: from the start, or from poses of the measures."""
+        """Where iterations with redescending losses lead: from the start, or from poses of the measures.
+
+        In a large block a few errors do not carry least squares away: there they begin where these ended.
+        """
+        if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < FITTING:
+            return self._robustly(self._solution, without)
         found = self._robustly(self.numbering.equations.start, without)
         for other_start in self._other_starts:
             if self._off(found) < FITTING:
@@ -127,15 +138,20 @@ class BlockModel:
             found = other if self._off(other) < self._off(found) else found
         return found
 
-    def _robustly(self, start: Start, without: Sequence[Change]) -> Place:
-        self._begin(start)
+    def _robustly(self, start: Start | Place, without: Sequence[Change]) -> Place:
+        if isinstance(start, Place):
+            self._table.restore(start.state)
+        else:
+            self._begin(start)
         with self._changed(without):
             try:
-                if start.misfit > ROUGH:
+                if not isinstance(start, Place) and start.misfit > ROUGH:
                     approach(self.numbering.equations, DAMPED, {"max_iterations": ITERATIONS})
+                is_near = isinstance(start, Place)
                 for loss, count in STAGES:
                     self._lose(loss)
-                    self._solve(max_iterations=count, tolerance=NEAR)
+                    rounds, strategy = (ROUNDS, UNDAMPED) if is_near else (count, DAMPED)
+                    self._solve(max_iterations=rounds, tolerance=NEAR, strategy=strategy)
             except ObseqError:
                 pass  # what has been found so far is what there is
             finally:
@@ -156,24 +172,50 @@ class BlockModel:
         good = np.isfinite(places).all(axis=1)
         system.set_values(equations.points[np.array(rows, np.int64)[good]], places[good])
 
-    def _off(self, place: Place) -> float:
-        """The middle one of the residuals of image points, in sigmas."""
+    def off(self, place: Place) -> FloatArray:
+        """(m,) how far image points are from where they should be, in sigmas."""
         self._table.restore(place.state)
         found = [
-            np.linalg.norm(self._system.residuals(item.batch) / item.batch.sigmas, axis=1)[item.batch.active]
+            np.linalg.norm(self._system.residuals(item.batch) / item.batch.sigmas, axis=1)
             for item in self.numbering.equations.measures
         ]
-        return float(np.median(np.nan_to_num(np.concatenate(found), nan=np.inf)))
+        return np.asarray(np.nan_to_num(np.concatenate(found), nan=np.inf))
+
+    def _off(self, place: Place) -> float:
+        """The middle one of them."""
+        return float(np.median(self.off(place)[self.numbering.kept]))
+
+    def leave_out(self, images: IntArray, place: Place) -> None:
+        """Goes on without some images, from a place, for as long as the block is borrowed."""
+        numbering, first = self.numbering, 0
+        self._table.restore(place.state)
+        for item in numbering.equations.measures:
+            own = np.isin(numbering.image[first : first + len(item.rows)], images)
+            item.batch.active = item.batch.active & ~own
+            first += len(item.rows)
+        self._hold_lonely()
+        self._actives = [batch.active.copy() for batch in numbering.batches]
+        self._frozen = self._table.frozen.copy()
+        result = self._solve(max_iterations=ITERATIONS)
+        self._solution = Place(self._table.state()) if result.converged else None
 
     def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
-        """All equations as they are given, at a place; applied parameters have their other values."""
-        result, is_there = self._result, place is self._solution and self._is_plain
+        """All equations as they are given, at a place; applied parameters have their other values.
+
+        Coordinates that were freed stay where they are: their values are put back along the tangent.
+        """
+        result, is_there = self._result, place is self._given
         self._table.restore(place.state)
         if result is None or applied or not is_there or not result.has_covariances:
             self._hold(applied)
             result = self._solve(max_iterations=0, covariance=True)
         linear = self._with_priors(linearised(self._system, result, self.numbering.batches), result)
-        return linear, self.catalogue.columns(linear)
+        columns = self.catalogue.columns(linear)
+        off = self._given_coordinates() - self._held_coordinates()
+        if off.any():
+            first = self.numbering.n + len(self.numbering.parameters)
+            linear.residuals[:] += columns.effect(first + np.arange(len(off)), off)
+        return linear, columns
 
     def _with_priors(self, linear: Linear, result: LeastSquaresResult) -> Linear:
         """The same with the equations of observed unknowns after those of the batches."""
@@ -195,13 +237,18 @@ class BlockModel:
             ),
             rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
             whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
-            leverages=np.concatenate([linear.leverages, *(state.prior_leverages(p) for p in priors)]),
+            taken=csr_array(
+                block_diag(
+                    [linear.taken, *(diagonal(state.prior_leverages(p)) for p in priors)], format="csr"
+                )
+            ),
         )
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
         """Where least squares without some errors lead from a place."""
         self._table.restore(place.state)
         self._hold(changes)
+        self._hold_coordinates(changes)
         with self._changed(changes):
             result = self._solve(max_iterations=ITERATIONS, tolerance=TOLERANCE)
         return Place(self._table.state()), result.converged, len(result.iterations)
@@ -215,10 +262,14 @@ class BlockModel:
         return tuple(named.cause.slips(self._evidence[1], named.label, change))
 
     def _solve(
-        self, max_iterations: int, tolerance: float = TOLERANCE, covariance: bool = False
+        self,
+        max_iterations: int,
+        tolerance: float = TOLERANCE,
+        covariance: bool = False,
+        strategy: str = DAMPED,
     ) -> LeastSquaresResult:
         return self._system.solve(
-            strategy=DAMPED,
+            strategy=strategy,
             max_iterations=max_iterations,
             tolerance=tolerance,
             covariance=covariance,
@@ -242,6 +293,35 @@ class BlockModel:
             values[0, at] = given[at] - sum(off)
             self._system.set_values([parameter.block], values)
 
+    def _held_coordinates(self) -> FloatArray:
+        """(h,) where held coordinates of control points are."""
+        points, axes = self.numbering.held.T
+        return np.asarray(self._system.values(self.numbering.equations.points)[points, axes])
+
+    def _given_coordinates(self) -> FloatArray:
+        """(h,) where they were given."""
+        points, axes = self.numbering.held.T
+        return np.asarray(self._table.read(self.numbering.equations.points, self._state)[points, axes])
+
+    def _hold_coordinates(self, changes: Sequence[Change]) -> None:
+        """Held coordinates at the values that were given, but those that changes free."""
+        points, axes = self.numbering.held.T
+        if not len(points):
+            return
+        kept = np.ones(len(points), np.bool_)
+        for change in changes:
+            kept[self._freed(change)] = False
+        blocks = self.numbering.equations.points
+        values = self._system.values(blocks)
+        values[points[kept], axes[kept]] = self._given_coordinates()[kept]
+        self._system.set_values(blocks[points], values[points])
+
+    def _freed(self, change: Change) -> IntArray:
+        """Numbers of the held coordinates that a change is of."""
+        columns = self.catalogue.named(change.index).columns - self.numbering.n
+        columns = columns - len(self.numbering.parameters)
+        return np.asarray(columns[columns >= 0])
+
     def _parameter(self, change: Change) -> int:
         """Number of the held parameter that a change is of; -1 for none."""
         named = self.catalogue.named(change.index)
@@ -249,7 +329,7 @@ class BlockModel:
 
     @contextmanager
     def _changed(self, changes: Sequence[Change]) -> Iterator[None]:
-        """The block without errors: rows out, what they alone determine held, held parameters freed."""
+        """The block without errors: rows out, what they alone determine held, what is held freed."""
         try:
             out = np.zeros(self.numbering.n, np.bool_)
             for change in changes:
@@ -258,6 +338,8 @@ class BlockModel:
                 if (k := self._parameter(change)) >= 0:
                     parameter = self.numbering.parameters[k]
                     self._system.unfreeze([parameter.block], (parameter.name,))
+                for point, axis in self.numbering.held[self._freed(change)].tolist():
+                    self._system.unfreeze([self.numbering.equations.points[point]], (axis,))
             self._take_out(out)
             yield
         finally:

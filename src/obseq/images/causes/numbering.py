@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.images.names import numbered
+from obseq.images.names import are_among, numbered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,6 +62,7 @@ class Numbering:
         row: (m,) its row there.
         kept: (m,) whether it takes part.
         control: (k, 2) point and component of each equation of a control point.
+        held: (h, 2) the same of coordinates that keep their values, and that image points alone observe.
         others: the rest.
         parameters: of cameras that are held.
         n: how many equations there are.
@@ -93,6 +94,7 @@ class Numbering:
         for prior in self.priors:
             self._add(Other(prior, self.n, len(prior.scalars), 1))
         self.parameters = self._held()
+        self.held = self._held_coordinates()
 
     def _add(self, other: Other) -> None:
         self.others.append(other)
@@ -106,6 +108,23 @@ class Numbering:
             named = zip(table.components(block), is_held, strict=True)
             found += [Parameter(camera, name, block) for name, held in named if held]
         return found
+
+    def _held_coordinates(self) -> IntArray:
+        start = self.equations.start
+        own = start.is_control & ~np.array(are_among(start.points, self.equations.block.joined_points))
+        own &= np.bincount(self.point[self.kept], minlength=len(start.points)) > 0
+        return np.argwhere(own[:, None] & start.is_held)
+
+    @property
+    def coordinates(self) -> IntArray:
+        """(k + h, 2) point and component of all known coordinates: those with an equation, then held ones."""
+        return np.concatenate([self.control.reshape(-1, 2), self.held])
+
+    @property
+    def coordinate_columns(self) -> IntArray:
+        """(k + h,) the columns of their errors."""
+        held = self.n + len(self.parameters) + np.arange(len(self.held))
+        return np.concatenate([self.first_control + np.arange(len(self.control)), held])
 
     @property
     def camera(self) -> IntArray:

@@ -32,8 +32,11 @@ MOST_NAMED = 3
 
 def record_of_verdict(verdict: Verdict, catalogue: Catalogue) -> DiagnosisRecord:
     """The record of what the engine found."""
-    accused = tuple(_accused(one, catalogue) for one in verdict.accused)
-    return DiagnosisRecord(verdict.status.value, verdict.left, verdict.redundancy, accused, verdict.reason)
+    accused, remarks = (
+        tuple(_accused(one, catalogue) for one in some) for some in (verdict.accused, verdict.remarks)
+    )
+    left, redundancy = verdict.left, verdict.redundancy
+    return DiagnosisRecord(verdict.status.value, left, redundancy, accused, verdict.reason, remarks)
 
 
 def record_of_fits(fits: list[Fit]) -> DiagnosisRecord:
@@ -91,7 +94,7 @@ def _suspect(named: Named, catalogue: Catalogue) -> SuspectRecord:
     if named.cause is CONTROL_COORDINATE:
         points = (KnownRecord(start.points[named.label[0]], "xyz"[named.label[1]]),)
     elif named.cause is CONTROL_POINT:
-        axes = numbering.control[numbering.control[:, 0] == named.label[0], 1]
+        axes = numbering.coordinates[numbering.coordinates[:, 0] == named.label[0], 1]
         points = tuple(KnownRecord(start.points[named.label[0]], "xyz"[axis]) for axis in axes)
     elif named.cause is IMAGE:
         images = (start.poses.images[named.label[0]],)

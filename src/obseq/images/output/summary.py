@@ -43,11 +43,18 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
         _list("Not in pairs of their rigid blocks", record.unpaired),
         "".join(f"Warning: {failure}\n" for failure in record.failures),
         "".join(f"note: {note}\n" for note in record.notes),
+        "".join(f"remark: {text}\n" for text in remarks(record)),
         _tests(record.reliability),
         _worst(record),
         "".join(f"written: {name}\n" for name in files),
     ]
     return printable("\n".join(part for part in parts if part))
+
+
+def remarks(record: BundleRecord) -> tuple[str, ...]:
+    """Effects that many observations show together, which are no errors."""
+    found = record.diagnosis.remarks if record.diagnosis is not None else ()
+    return tuple(f"{one.text}; no error, it is not beyond a sigma of each" for one in found)
 
 
 def suspected(record: BundleRecord) -> str:

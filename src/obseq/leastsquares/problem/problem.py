@@ -197,10 +197,11 @@ class Problem:
         coefficients: Sequence[ArrayLike],
         values: ArrayLike,
         labels: Sequence[str] | None = None,
+        is_tangent: bool = False,
     ) -> Batch:
         """Adds linear equations that the solution satisfies exactly (arguments as in `add_linear`)."""
         return self._constrained(
-            linear_batch(self.unknowns, columns, coefficients, values, 1.0, labels, None)
+            linear_batch(self.unknowns, columns, coefficients, values, 1.0, labels, None, is_tangent)
         )
 
     def share(self, ids: ArrayLike, components: Sequence[str | int] | None = None) -> Batch:

@@ -170,10 +170,15 @@ class Adjustment:
 
     @property
     def is_complete(self) -> bool:
-        """Whether it converged, with all that was given, no error suspected and no point doubtful."""
-        is_clean = (self.diagnosis is None or self.diagnosis.is_quiet) and not self.doubtful
-        is_whole = not self.left_out and not self.book.unused and not self.quality.rejected.any()
-        return self.converged and is_whole and is_clean and not self.failures
+        """Whether it converged, with all that was given, nothing wrong and no point doubtful."""
+        return self.is_whole and (self.diagnosis is None or self.diagnosis.is_quiet)
+
+    @property
+    def is_whole(self) -> bool:
+        """The same, but for a large sigma0 of which nothing is accused: precisions are scaled by it."""
+        is_clean = (self.diagnosis is None or self.diagnosis.is_silent) and not self.doubtful
+        is_all = not self.left_out and not self.book.unused and not self.quality.rejected.any()
+        return self.converged and is_all and is_clean and not self.failures
 
     @property
     def normalised_residuals(self) -> FloatArray:

@@ -50,7 +50,8 @@ def estimating(book: FieldBook, what: Collection[str]) -> FieldBook:
         alone[cluster.rows] = False
     scaled = _with_scales(book, alone) if "frame-scale" in wanted else book
     alone &= scaled.observations.types == rows.types
-    plumb = np.append(book.stations.orientations != Orientation.BASC.value, np.False_)[rows.stations]
+    free = np.isin(book.stations.orientations, (Orientation.BASC.value, Orientation.CAM.value))
+    plumb = np.append(~free, np.False_)[rows.stations]
     for kinds in _of_instruments(wanted - {"frame-scale"}).values():
         chosen = alone & np.isin(rows.types, list(kinds))
         is_read = any(kind.needs_station for kind in kinds.values())

@@ -25,7 +25,7 @@ class Instruments:
     """The rotations of the stations, from the axes of the instrument to the frame.
 
     They follow their station: when its point moves, the vertical there turns with it, and the instrument
-    keeps its orientation with respect to the vertical, or stays along the grid.
+    keeps its orientation with respect to the vertical, or stays along the grid. A camera follows its image.
 
     Attributes:
         ids: Block of the rotation of every station.
@@ -43,6 +43,7 @@ class Instruments:
         self._plumb = plumb
         self._origins = book.stations.origins.astype(np.int64)
         self._grid = book.stations.orientations == Orientation.GRID.value
+        self._cameras = book.stations.orientations == Orientation.CAM.value
         values = self._started(initial)
         self.ids = system.add_blocks(PLUMB, station_names(plumb.points, book), values)
         for status, components in FROZEN_TURNS.items():
@@ -60,7 +61,7 @@ class Instruments:
         rotations, fronts = initial.rotations.copy(), initial.rotations[:, :, 1]
         east, north, _ = np.einsum("nij,nj->in", verticals, fronts)
         azimuths = np.where(initial.orientations == Orientation.FIX.value, 0.0, np.arctan2(east, north))
-        plumb = initial.orientations != Orientation.BASC.value
+        plumb = (initial.orientations != Orientation.BASC.value) & ~self._cameras
         rotations[plumb] = _upright(verticals[plumb], azimuths[plumb])
         return self._turned(rotations, verticals, initial.coordinates)
 
@@ -70,6 +71,7 @@ class Instruments:
         turned = verticals.transpose(0, 2, 1) @ before @ rotations
         if self._grid.any():
             turned[self._grid] = _along_grid(verticals[self._grid])
+        turned[self._cameras] = rotations[self._cameras]
         return np.concatenate([turned, verticals], axis=2)
 
     def restart(self, system: LeastSquares, plumb: Plumb, initial: InitialValues) -> None:
@@ -100,6 +102,7 @@ class Instruments:
         if self._grid.any():
             verticals = self._plumb.axes(self._origins[self._grid], coordinates)
             turns[self._grid] = _turns_along_grid(_along_grid(verticals), turns[self._grid])
+        turns[self._cameras] = 0.0
         return turns
 
 

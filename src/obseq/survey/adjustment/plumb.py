@@ -151,7 +151,7 @@ class Plumb:
         observations = book.observations
         active = observations.active
         levelled = active & np.isin(observations.types, codes_where(lambda kind: kind.needs_deflections))
-        plumb = orientations != Orientation.BASC.value
+        plumb = ~np.isin(orientations, (Orientation.BASC.value, Orientation.CAM.value))
         needed = np.zeros(len(self.points), np.bool_)
         needed[book.stations.origins[plumb]] = True
         for ends, heights in (

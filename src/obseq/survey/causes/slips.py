@@ -27,9 +27,9 @@ from obseq.survey.causes.other_points import (
     readings_to,
 )
 from obseq.survey.causes.target_height import TARGET_HEIGHT
-from obseq.survey.causes.values import COORDINATE, LIKELY, difference, explain
+from obseq.survey.causes.values import COORDINATE, difference, explain
 from obseq.survey.causes.vector import WHOLE_VECTOR
-from obseq.survey.causes.vector_slips import slips_of_vector
+from obseq.survey.causes.vector_slips import UNITS, slips_of_vector
 from obseq.survey.causes.wrong_standpoint import STANDPOINT
 from obseq.survey.causes.wrong_target import TARGET
 from obseq.survey.kinds.registry import BY_CODE
@@ -48,14 +48,6 @@ PRISMS = (0.0344, 0.0300, 0.0350, 0.0175, 0.0169, 0.0231, 0.0400, 0.0111, 0.0086
 """Constants (m) by which prisms of makers differ from each other and from none."""
 _ROUNDED = 1e-3
 """Of a factor between units: what rounded values leave of it."""
-_UNITS = (
-    ("W126", "millimetres read as metres", 1e-3),
-    ("W127", "centimetres read as metres", 1e-2),
-    ("W106", "feet read as metres", 0.3048),
-    ("W107", "metres read as feet", 1.0 / 0.3048),
-)
-_NOTED = 0.0005
-"""Half of the millimetre to which heights and constants are noted (m)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +85,10 @@ def _of_row(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
     if not math.isfinite(expected) or abs(difference(kind, value, expected)) <= 2.0 * tolerance:
         return
     if told := explain(kind, value, expected, tolerance, evidence.units):
-        yield Slip(told.code, told.text, told.chance, is_strong=told.chance < LIKELY)
+        yield Slip(told.code, told.text, told.chance, is_strong=told.chance < POLICY.likely)
     if notes.is_slope[row]:
         flat = _flat(evidence.effects, row)
-        if abs(value - flat) <= tolerance and 2.0 * tolerance / abs(value) < LIKELY:
+        if abs(value - flat) <= tolerance and 2.0 * tolerance / abs(value) < POLICY.likely:
             yield Slip("W108", "the horizontal distance in place of the slope distance", 0.0, is_strong=True)
     yield from _of_another_reading(named, tolerance, evidence)
 
@@ -127,7 +119,7 @@ def _of_another_reading(named: Named, tolerance: float, evidence: Evidence) -> I
         off = np.array([abs(difference(kind, value, one)) for one in read.tolist()])
         fits = np.flatnonzero(off <= tolerance)
         chance = np.count_nonzero(np.isfinite(read)) * 2.0 * tolerance / max(span, tolerance)
-        if fits.size and chance < LIKELY:
+        if fits.size and chance < POLICY.likely:
             best = int(fits[np.argmin(off[fits])])
             yield Slip("W112", f"{told} {names[best]}", float(chance), is_strong=False)
 
@@ -145,7 +137,7 @@ def _of_standpoint(named: Named, change: Change, evidence: Evidence) -> Iterator
 
 
 def _of_vector(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
-    tolerance = POLICY.near * float(np.max(change.sigma)) + _NOTED
+    tolerance = POLICY.near * float(np.max(change.sigma)) + POLICY.noted
     return slips_of_vector(evidence.effects, named.rows, change.size, tolerance)
 
 
@@ -160,7 +152,7 @@ def _of_height(named: Named, change: Change, evidence: Evidence) -> Iterator[Sli
     is_instrument = named.code == INSTRUMENT_HEIGHT.code
     heights = rows.from_heights if is_instrument else rows.to_heights
     written, size = float(np.median(heights[named.rows])), float(change.size[0])
-    tolerance, right = POLICY.near * float(change.sigma[0]) + _NOTED, written - size
+    tolerance, right = POLICY.near * float(change.sigma[0]) + POLICY.noted, written - size
     if abs(size) <= 2.0 * tolerance:
         return
     others = np.unique(np.concatenate([rows.from_heights, rows.to_heights]))
@@ -174,7 +166,10 @@ def _of_height(named: Named, change: Change, evidence: Evidence) -> Iterator[Sli
         yield Slip("W115", "the height does not belong there", 0.0, is_strong=True)
     else:
         near = others[(np.abs(others - right) <= tolerance) & (others != written)]
-        if near.size and len(others) * 2.0 * tolerance / max(float(np.ptp(others)), tolerance) < LIKELY:
+        if (
+            near.size
+            and len(others) * 2.0 * tolerance / max(float(np.ptp(others)), tolerance) < POLICY.likely
+        ):
             yield Slip("W116", f"{near[0]:.3f} m, the height of another line, fits", 0.0, is_strong=False)
 
 
@@ -187,7 +182,7 @@ def _of_constant(_named: Named, change: Change, _evidence: Evidence) -> Iterator
 
 def _of_scale(_named: Named, change: Change, _evidence: Evidence) -> Iterator[Slip]:
     right, tolerance = 1.0 - float(change.size[0]), POLICY.near * float(change.sigma[0])
-    for code, text, factor in _UNITS:
+    for code, text, factor in UNITS:
         if abs(right - factor) <= max(tolerance, _ROUNDED * factor):
             yield Slip(code, text, abs(right - factor), is_strong=True)
 
@@ -204,13 +199,13 @@ def _of_known(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip
     if abs(value - expected) > 2.0 * tolerance and (
         told := explain(COORDINATE, value, expected, tolerance, evidence.units)
     ):
-        yield Slip(told.code, told.text, told.chance, is_strong=told.chance < LIKELY)
+        yield Slip(told.code, told.text, told.chance, is_strong=told.chance < POLICY.likely)
 
 
 def _of_plan(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]:
     points, place = evidence.effects.notes.points, evidence.effects.coordinates
     point = named.known[0][0]
-    tolerance = POLICY.near * float(np.max(change.sigma)) + _NOTED
+    tolerance = POLICY.near * float(np.max(change.sigma)) + POLICY.noted
     given, fitting = points.coordinates[point, :2], place[point, :2]
     if np.abs(given[::-1] - fitting).max() <= tolerance < np.abs(given - fitting).max():
         yield Slip("W123", "easting and northing are exchanged", 0.0, is_strong=True)

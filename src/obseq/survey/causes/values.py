@@ -28,8 +28,6 @@ FEET = 0.3048
 _FEWEST_DECIMALS = 3
 """Decimals that lengths are taken to be written with, where they end in zeros."""
 _FEET_TEXT = "feet read as metres"
-LIKELY = 0.02
-"""Chance below which an explanation is believed."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +137,7 @@ def explain(
     span = 2.0 * math.pi if kind.is_angle else 2.0 * max(abs(value), abs(expected))
     by_mistake = _by_mistakes(kind, value, expected, tolerance, span)
     by_digits = _by_digits(kind, value, expected, tolerance, span, scale)
-    found = [e for e in by_mistake if e.chance < LIKELY]
+    found = [e for e in by_mistake if e.chance < POLICY.likely]
     found = found or [e for e in by_digits if e.chance < POLICY.chance]
     return min(found, key=lambda e: e.chance, default=None)
 

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.causes.effects import Effects
 
-_UNITS = (
+UNITS = (
     ("W126", "millimetres read as metres", 1e-3),
+    ("W127", "centimetres read as metres", 1e-2),
     ("W106", "feet read as metres", 0.3048),
     ("W107", "metres read as feet", 1.0 / 0.3048),
 )
+"""Slips of units: code, what it is, and the factor of what was written."""
 _SHORT = 20.0
 """Tolerances that a vector must be long for its direction, or its unit, to say something."""
 
@@ -38,7 +40,7 @@ def slips_of_vector(effects: Effects, rows: IntArray, size: FloatArray, toleranc
     if length > _SHORT * tolerance:
         if np.abs(right + value).max() <= tolerance:
             yield Slip("W134", "its two ends are exchanged: turned round it fits", 0.0, is_strong=True)
-        for code, text, factor in _UNITS:
+        for code, text, factor in UNITS:
             if np.abs(right - factor * value).max() <= tolerance:
                 yield Slip(code, text, 0.0, is_strong=True)
     origin, target = (int(end[rows[0]]) for end in _ends(effects))

@@ -201,7 +201,28 @@ def _compared(book: FieldBook, pairs: _Pairs, chosen: list[int], name: str, inst
             for k in worst
         ]
         text += f"; faces differ by more than their sigmas in {len(odd)}: {listed(shown, MOST)}"
+    if others := list(_other_set_ups(book, pairs, chosen, mean)):
+        text += f"; other in {len(others)} set-ups: {listed(others, MOST)}"
     yield text
+
+
+def _other_set_ups(book: FieldBook, pairs: _Pairs, chosen: list[int], mean: float) -> Iterator[str]:
+    """Set-ups whose error is another than that of their instrument, each with its own, in words."""
+    set_ups: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for k in chosen:
+        row = pairs.rows[k][0]
+        set_ups[int(book.observations.from_points[row]), int(book.observations.stations[row])].append(k)
+    whole = float(np.sum(pairs.sigmas[chosen] ** -2.0))
+    for (origin, _), own in set_ups.items():
+        weights = pairs.sigmas[own] ** -2.0
+        share = float(np.sum(weights))
+        error = float(np.sum(weights * pairs.halves[own])) / share
+        if (
+            len(own) > 1
+            and share < whole
+            and abs(error - mean) > LIMIT * math.sqrt(1.0 / share - 1.0 / whole)
+        ):
+            yield f"{book.point_names[origin]} ({-error / CC:+.1f} cc)"
 
 
 def _is_near(angle: float, other: float) -> bool:

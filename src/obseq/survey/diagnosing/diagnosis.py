@@ -73,15 +73,15 @@ def record_of(
     """
     found = diagnosis_of(model, units)
     own = found.record()
-    if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and len(found.verdict.accused) <= _FEW:
+    count = max(len(found.verdict.accused), found.verdict.many)
+    if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and count <= _FEW:
         return own
-    is_many = len(found.verdict.accused) > _FEW
-    trial = best_rewriting(model, begin, of, is_many=is_many)
+    trial = best_rewriting(model, begin, of, is_many=count > _FEW)
     if trial is None:
         return own
     rest = diagnosis_of(of(trial.start), units).record()
     is_better = rest.status in ("accepted", "explained") or rest.left < POLICY.whole * own.left
-    if not is_better or len(rest.accused) >= max(len(own.accused), 1):
+    if not is_better or len(rest.accused) >= max(count, 1):
         return own
     status = "explained" if rest.status == "accepted" else rest.status
     one = rewriting_record(trial.rewriting, trial.others, model.notes)

@@ -23,12 +23,6 @@ if TYPE_CHECKING:
 
 _LEAST = 3
 """Observations that a group has at least."""
-_NAMELESS = 0.5
-"""Contradictions that a mistake which nothing explains must leave less than one with a slip."""
-_EQUAL = 0.1
-"""Contradictions by which two mistakes may differ that explain a network equally well."""
-_BETTER = 0.5
-"""Contradictions that a rewriting leaves at most, of those that there are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +68,17 @@ def best_rewriting(
         best = min([*([best] if best else []), *trials], key=_price, default=None)
         if best is not None and best.left < POLICY.share * before:
             break
-    if best is None or best.left >= _BETTER * before:
+    if best is None or best.left >= POLICY.better * before:
         return None
-    others = (one.rewriting for one in trials if one is not best and _price(one) < _price(best) + _EQUAL)
+    others = (
+        one.rewriting for one in trials if one is not best and _price(one) < _price(best) + POLICY.equal
+    )
     return replace(best, others=tuple(others))
 
 
 def _price(trial: Trial) -> float:
     """What it leaves, and more where nothing explains it."""
-    return trial.left + _NAMELESS * (not trial.rewriting.slip)
+    return trial.left + POLICY.nameless * (not trial.rewriting.slip)
 
 
 def _in_order(points: Points, others: Points, coordinates: FloatArray) -> FloatArray:

@@ -38,7 +38,7 @@ def without_accused(
         Points and observations; these hold what was left out, as `unused`.
 
     Raises:
-        InputError: Nothing is accused, or it does not explain what is wrong.
+        InputError: Nothing is accused, it does not explain what is wrong, or nothing would be known.
     """
     accused = _explaining(diagnosis)
     rows = np.zeros(len(book.observations), np.bool_)
@@ -46,6 +46,11 @@ def without_accused(
     known = np.zeros((len(points), 3), np.bool_)
     for coordinate in (coordinate for one in accused for coordinate in one.points):
         known[points.index[coordinate.name], COMPONENTS.index(coordinate.coordinate)] = True
+    if known.any() and (known | points.is_free).all():
+        raise InputError(
+            "what is accused is a mistake of all known points, and nothing is known without them: correct it "
+            "first"
+        )
     told = UnusedRecord(REASON, tuple(map(_told, accused)))
     return _freed(points, known), replace(book.without(rows), unused=(*book.unused, told))
 

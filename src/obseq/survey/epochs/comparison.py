@@ -91,7 +91,7 @@ class Comparison:
     @property
     def is_quiet(self) -> bool:
         """Whether nothing has moved, and each epoch agrees with its known points."""
-        agree = all(epoch.is_complete and fits(epoch) for epoch in self.epochs)
+        agree = all(epoch.is_whole and fits(epoch) for epoch in self.epochs)
         return agree and self.congruence.passed and not (self.significant or self.marginal)
 
     @property

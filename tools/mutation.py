@@ -1,0 +1,166 @@
+"""How much of what decides is tested: changed code must make tests fail (mutation testing, by cosmic-ray).
+
+Each room has its folders and the tests that judge it. A seeded sample of the changes that cosmic-ray knows is
+tried in a copy of the checkout; annotations and docstrings are left alone, for nothing runs them. What
+survives is a test to write, or code to delete. It needs `obseq[mutation]`.
+
+Example:
+    python tools/mutation.py --sample 60 diagnosis
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from cosmic_ray.work_item import WorkItem
+
+ROOT = Path(__file__).parents[1]
+TIMEOUT = 120.0
+"""Seconds after which the tests of a change are stopped: it is killed."""
+
+
+class Room(NamedTuple):
+    """What is judged together.
+
+    Attributes:
+        code: folders or files.
+        tests: that judge them.
+    """
+
+    code: tuple[str, ...]
+    tests: tuple[str, ...]
+
+
+ROOMS = {
+    "diagnosis": Room(("src/obseq/diagnosis",), ("tests/diagnosis",)),
+    "images": Room(
+        ("src/obseq/images/causes",),
+        (
+            "tests/images/test_block_model.py",
+            "tests/images/test_causes.py",
+            "tests/images/test_large_blocks.py",
+        ),
+    ),
+    "causes": Room(("src/obseq/survey/causes",), ("tests/survey/test_planted_slips.py",)),
+    "diagnosing": Room(
+        ("src/obseq/survey/diagnosing",),
+        ("tests/survey/test_planted_slips.py", "tests/survey/test_gross_errors.py"),
+    ),
+}
+
+
+def main() -> int:
+    """Tries a sample of each room that is named, and prints the scores."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("rooms", nargs="*", choices=[*ROOMS, []], metavar="ROOM", help=", ".join(ROOMS))
+    parser.add_argument("--sample", type=int, default=100, help="changes that are tried in each room")
+    parser.add_argument("--seed", type=int, default=0, help="of the sample")
+    arguments = parser.parse_args()
+    for name in arguments.rooms or ROOMS:
+        with tempfile.TemporaryDirectory() as folder:
+            killed, survived = tried(ROOMS[name], copied(Path(folder)), arguments.sample, arguments.seed)
+        print(f"{name:12}{killed:4} of {killed + len(survived)} killed", flush=True)
+        for place in survived:
+            print(f"    {place}")
+    return 0
+
+
+def copied(folder: Path) -> Path:
+    """The checkout, as it is, in another folder."""
+    made = folder / ROOT.name
+    command = ["git", "ls-files", "-co", "--exclude-standard"]
+    for name in subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split():
+        if (ROOT / name).is_file():
+            (made / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, made / name)
+    if (ROOT.parent / "shared").exists():
+        (folder / "shared").symlink_to((ROOT.parent / "shared").resolve())
+    return made
+
+
+def tried(room: Room, checkout: Path, count: int, seed: int) -> tuple[int, list[str]]:
+    """How many of a sample of changes made tests fail, and where the others are."""
+    from cosmic_ray.work_db import use_db
+    from cosmic_ray.work_item import TestOutcome
+
+    tests = f"{sys.executable} -m pytest -q -x -n 0 -p no:cacheprovider {' '.join(room.tests)}"
+    config, session = checkout / "cosmic-ray.toml", checkout / "session.sqlite"
+    config.write_text(
+        f"[cosmic-ray]\nmodule-path = {list(room.code)!r}\ntimeout = {TIMEOUT}\n"
+        f'excluded-modules = []\ntest-command = "{tests}"\n[cosmic-ray.distributor]\nname = "local"\n'
+    )
+    environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
+
+    def run(command: str, *more: str) -> None:
+        whole = [sys.executable, "-m", "cosmic_ray.cli", command, str(config), *more]
+        subprocess.run(whole, cwd=checkout, env=environment, check=True)
+
+    run("baseline")
+    run("init", str(session))
+    with use_db(session) as base:
+        sample = _sample(checkout, list(base.work_items), count, seed)
+        base.clear()
+        base.add_work_items(sample)
+    run("exec", str(session))
+    with use_db(session) as base:
+        outcomes = {job: result.test_outcome for job, result in base.results}
+        survived = [item for item in base.work_items if outcomes[item.job_id] is TestOutcome.SURVIVED]
+        killed = sum(outcome is TestOutcome.KILLED for outcome in outcomes.values())
+        return killed, sorted(_place(item) for item in survived)
+
+
+def _place(item: WorkItem) -> str:
+    (change,) = item.mutations
+    line = f"{change.module_path}:{change.start_pos[0]}:{change.start_pos[1]}"
+    return f"{line} {change.operator_name.removeprefix('core/')} {change.occurrence}"
+
+
+def _sample(checkout: Path, items: list[WorkItem], count: int, seed: int) -> list[WorkItem]:
+    """Changes of what runs, in the order of their places."""
+    files = {str(item.mutations[0].module_path) for item in items}
+    idle = {name: list(_idle((checkout / name).read_text("utf-8"))) for name in files}
+    live = [
+        item
+        for item in items
+        if not any(first <= item.mutations[0].start_pos < last for first, last in idle[_file(item)])
+    ]
+    live.sort(key=_place)
+    return random.Random(seed).sample(live, min(count, len(live)))
+
+
+def _file(item: WorkItem) -> str:
+    return str(item.mutations[0].module_path)
+
+
+def _idle(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Where annotations, imports for them, and decorators stand: first and last place of each."""
+    for node in ast.walk(ast.parse(text)):
+        parts: list[ast.AST | None] = []
+        if isinstance(node, ast.FunctionDef):
+            parts = [node.returns, *node.decorator_list]
+        elif isinstance(node, ast.ClassDef):
+            parts = [*node.decorator_list, *node.bases]
+        elif isinstance(node, ast.arg | ast.AnnAssign):
+            parts = [node.annotation]
+        elif isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            parts = [node]
+        for part in parts:
+            if isinstance(part, ast.expr | ast.stmt):
+                first = part.lineno, part.col_offset
+                yield first, (part.end_lineno or 0, part.end_col_offset or 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
