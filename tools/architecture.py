@@ -159,6 +159,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "opensfm": ("blocks", "camera_terms", "fitted"),
         "rpc": ("blocks",),
         "nvm": ("blocks",),
+        "pix4d": ("blocks",),
         "openmvg": ("blocks",),
         "meshroom": ("blocks",),
         "metashape": ("blocks", "camera_terms", "fitted"),

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from obseq.formats.blocks.catalogue import BLOCKS
+from obseq.formats.blocks.catalogue import BLOCKS, WRITERS
 from obseq.formats.catalogue import FORMATS, Role
 from obseq.formats.conversion import NETWORK_WRITERS, RESULT_WRITERS
 
@@ -38,6 +38,8 @@ def page() -> str:
     blocks = "".join(f"| `--{form.option} {form.takes}` | {form.holds} |\n" for form in BLOCKS)
     results = f"Results (`.json`) are written as {', '.join(RESULT_WRITERS)}."
     images = f"## Blocks of images\n\n| `obseq bundle` | is |\n|---|---|\n{blocks}"
+    outputs = "".join(f"| `--{form.option} {form.takes}` | {form.holds} |\n" for form in WRITERS)
+    images += f"\n| `obseq bundle` writes | is |\n|---|---|\n{outputs}"
     return f"{HEAD}{''.join(rows)}\n{results}\n\n{images}"
 
 

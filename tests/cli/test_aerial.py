@@ -142,3 +142,30 @@ def test_the_ground_must_be_given_once(folder, capsys):
     (folder / "m.mes").write_text("P A 500 400\n")
     assert main(["image-world", *SITE, "--points", "m.mes"]) == 2
     assert "one of them" in capsys.readouterr().err
+
+
+def test_two_cameras_are_resected_and_intersected(folder, capsys):
+    name = "cam"
+    (folder / "other.txt").write_text(CAMERA.replace(name, "other", 1))
+    (folder / "shots.opk").write_text(SHOTS.replace("1500 0 0 0 cam\nC", "1500 0 0 0 other\nC"))
+    site = [*SITE[: SITE.index("cam.txt") + 1], "other.txt", *SITE[SITE.index("cam.txt") + 1 :]]
+    given = ["--ground", "ground.app", "--ground-header", "PTXYH", "--out", "seen.csv"]
+    assert main(["world-image", *site, *given]) == 1  # one point is in no image
+    seen = rows((folder / "seen.csv").read_text())
+    measured = "".join(f"{r['point']} {r['shot']} {r['column']} {r['line']}\n" for r in seen)
+    (folder / "measured.mes").write_text(measured)
+    capsys.readouterr()
+    assert main(["intersect", *site, "--points", "measured.mes"]) == 0
+    command = "resect --cameras cam.txt other.txt --crs EPSG:2154 --points measured.mes --ground ground.app"
+    command += " --ground-header PTXYH --opk again.opk --out poses.csv"
+    assert main(command.split()) == 2
+    assert "say which of the 2 cameras took each shot" in capsys.readouterr().err
+    shots = list(dict.fromkeys(r["shot"] for r in seen))
+    table = [f"{shot},{'other' if shot == 'B' else name}" for shot in shots]
+    (folder / "of.csv").write_text("\n".join(["image,camera", *table]) + "\n")
+    assert main([*command.split(), "--camera-of", "of.csv"]) == 0
+    cameras = {r.split()[0]: r.split()[-1] for r in (folder / "again.opk").read_text().splitlines()[1:]}
+    assert cameras == {shot: "other" if shot == "B" else name for shot in shots}
+    (folder / "of.csv").write_text("\n".join(["image,camera", *table[1:]]) + "\n")
+    assert main([*command.split(), "--camera-of", "of.csv"]) == 2
+    assert f"no row says which camera took {shots[0]}" in capsys.readouterr().err

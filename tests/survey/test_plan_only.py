@@ -14,6 +14,7 @@ from obseq.report import read_json
 from obseq.report.comparison import comparison_csv
 from obseq.report.listing import listing
 from obseq.survey import Network, compare
+from obseq.survey.planning.design import plan
 
 GON = 200.0 / math.pi
 KNOWN = {"A": (0.0, 0.0, 100.0), "B": (500.0, 30.0, 112.0), "C": (260.0, 420.0, 95.0)}
@@ -179,3 +180,9 @@ def test_epochs_say_nothing_of_a_height_that_one_does_not_observe(tmp_path, line
     text = comparison_csv(compare(first, second).record())
     (line,) = (line for line in text.splitlines() if line.startswith("P,"))
     assert line.split(",")[6] == "" and line.split(",")[9] == ""
+
+
+def test_a_plan_reckons_with_no_height_that_nothing_observes(tmp_path):
+    planned = plan(_network(tmp_path, given="PQ"), draws=40, seed=3)
+    assert planned.draws.agrees and planned.draws.failed == 0
+    assert max(gain.before for gain in planned.gains) < 0.1  # m: no height of the curvature of the Earth

@@ -92,6 +92,9 @@ def _resect(commands: Commands) -> None:
         "--position", nargs=3, type=finite_number, metavar=("X", "Y", "H"), help="approximate, of all shots"
     )
     command.add_argument(
+        "--camera-of", type=Path, metavar="FILE", help="table image camera, where there are several cameras"
+    )
+    command.add_argument(
         "--order", default="opk", metavar="OPK", help="order of the rotations in the written shots (opk)"
     )
     _add_results(command)
@@ -187,7 +190,7 @@ def _run(job: Job) -> Callable[[argparse.Namespace], int]:
 
 def _inputs(arguments: argparse.Namespace) -> list[Path]:
     named = (getattr(arguments, name, None) for name in ("shots", "points", "ground", "dtm"))
-    return [path for path in (*named, *arguments.cameras) if path]
+    return [path for path in (*named, *arguments.cameras, getattr(arguments, "camera_of", None)) if path]
 
 
 def _text(table: "Table", arguments: argparse.Namespace) -> str:
@@ -259,6 +262,7 @@ def _poses(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
         _system(arguments),
         _geoid(arguments),
         position=position,
+        camera_of=_camera_of(arguments, measured.shots),
         height_type=_type(arguments.z_type),
     )
     letter = "H" if shots.height_type is HeightType.HEIGHT else "Z"
@@ -266,6 +270,30 @@ def _poses(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
     if arguments.opk:
         texts[arguments.opk] = shots_text(shots, f"NXY{letter}OPKC", order=arguments.order)
     return _with(table, known.left_out()), texts
+
+
+def _camera_of(arguments: argparse.Namespace, shots: Sequence[str]) -> Callable[[str], str] | None:
+    """What tells the camera of a shot; None where nothing is said.
+
+    Raises:
+        InputError: a shot is in no row, or its camera is not among those that are given.
+    """
+    if arguments.camera_of is None:
+        return None
+    from obseq.reading.tables import Table
+
+    table = Table.read(arguments.camera_of)
+    table.allow(("image", "camera"))
+    table.require("image", "camera")
+    found = dict(zip(table.texts("image"), table.texts("camera"), strict=True))
+    lost = next((shot for shot in shots if shot not in found), None)
+    if lost is not None:
+        raise InputError(f"{arguments.camera_of}: no row says which camera took {lost}")
+    known = _cameras(arguments)
+    other = next((row for row, name in enumerate(table.texts("camera")) if name not in known), None)
+    if other is not None:
+        raise InputError(f"{table.place(other)}: the camera is none of {', '.join(known)} (--cameras)")
+    return found.__getitem__
 
 
 def _with(table: "Table", before: "list[LeftOut]") -> "Table":

@@ -144,6 +144,12 @@ BLOCKS = (
         "a reconstruction of OpenSfM or ODM, with its tracks, gcp_list.txt and geo.txt",
         "formats.opensfm.reader:read_opensfm",
     ),
+    BlockFormat(
+        "pix4d",
+        "FILE",
+        "calibrated camera parameters of Pix4D, with --measures",
+        "formats.pix4d.reader:read_pix4d",
+    ),
     BlockFormat("nvm", "FILE", "a model of VisualSFM", "formats.nvm.reader:read_nvm"),
     BlockFormat("openmvg", "FILE", "a scene of OpenMVG (.json)", "formats.openmvg.reader:read_openmvg"),
     BlockFormat(

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from obseq.reading.xml import Element
 
 LOCAL = "LOCAL_CS"
+ACCURACY = 10.0
+"""Metres: the accuracy of reference positions where nobody has said one (Metashape's)."""
 
 
 Similarity = tuple[float, "FloatArray", "FloatArray"]
@@ -77,7 +79,7 @@ def read_metashape(
     """The block of a chunk, and the definition of the frame that it is in.
 
     Images, calibrations, markers that were measured, their reference coordinates (those that are not enabled
-    are left as free points), and scale bars. Tie points are not in such files.
+    are left as free points), reference positions of cameras, and scale bars. Tie points are not in them.
 
     Args:
         path: an XML of cameras and markers, or a project.
@@ -99,6 +101,7 @@ def read_metashape(
         images = _add_images(block, root, {sensor.number: sensor.camera for sensor in sensors}, world)
         names = {key: label_of(marker) for key, marker in markers.items()}
         _add_control(block, root, list(markers.values()), world, control_sigma)
+        _add_positions(block, root, images, world)
         _add_measures(block, root, images, names, image_sigma)
         _add_scale_bars(block, root, names)
         _note_unknowns(block, sensors)
@@ -124,7 +127,9 @@ def _world(root: Element, markers: list[Element]) -> _World:
     if not definition or definition.startswith(LOCAL):
         return _World(places, "LocalNONE", None)
     reference = crs.parse(definition)
-    known = [_reference(marker) for marker in markers]
+    known = [_reference(item) for item in markers]
+    if not any(known):
+        known = [_reference(item) for item in items(root, "cameras", "camera")]
     middles = [place for place in known if place is not None]
     if middles:
         frame = crs.complete_rtl(np.array(middles), reference)
@@ -290,6 +295,29 @@ def _in_frame(names: list[str], places: FloatArray, sigmas: FloatArray, world: _
     if (sigmas > 0.0).all():
         return ControlPoints.correlated(names, moved, (covariances + np.swapaxes(covariances, 1, 2)) / 2.0)
     return ControlPoints.of(names, moved, sigmas)
+
+
+def _add_positions(block: BundleAdjustment, root: Element, images: dict[str, str], world: _World) -> None:
+    """Reference positions of cameras, as those of a receiver; their angles are told, and not taken."""
+    names, places, sigmas, turned = [], [], [], []
+    default = _setting(root, "accuracy_cameras")
+    for camera in items(root, "cameras", "camera"):
+        place, key = _reference(camera), camera.attributes.get("id", "")
+        if place is None or key not in images:
+            continue
+        reference = camera.first("reference")
+        assert reference is not None
+        own = _accuracy(reference, default if default is not None else ACCURACY)
+        assert own is not None
+        names.append(images[key])
+        places.append(place)
+        sigmas.append(own)
+        if "yaw" in reference.attributes:
+            turned.append(images[key])
+    if names:
+        control = _in_frame(names, np.array(places), np.array(sigmas), world)
+        block.observe_antenna(names, control.coordinates, control.sigmas)
+    note_count(block, turned, "reference angles of images are not taken, only their positions")
 
 
 def _add_measures(

@@ -146,6 +146,7 @@ def plan(
             f"plan: draws={draws}; give 0 for none, or how many times to adjust drawn observations"
         )
     given, network = network, placed(network)
+    network = replace(network, points=network.fieldwork.points)  # heights that nothing observes are none
     simulation = Simulation(network)
     mask = _mask(network, counted)
     wanted = replace(quality or Quality(), a_priori=True, snooping=None, variance_components=False)
