@@ -87,7 +87,7 @@ class Columns:
 
     def _units(self, linear: Linear) -> IntArray:
         """(k,) first equation of the observation that a column changes; negative for several or none."""
-        matrix, taken = cast("Any", self.matrix), linear.taken
+        matrix, taken = cast("Any", self.matrix), cast("Any", linear.taken)
         first = taken.indices[taken.indptr[:-1]]
         found = np.full(matrix.shape[1], _NONE)
         (some,) = np.nonzero(np.diff(matrix.indptr))

@@ -37,7 +37,7 @@ class Linear:
         rows: (n, u) A, whitened.
         whitening: (n, n) from residuals in their units to whitened ones.
         cofactors: (u, u) Q on the pattern of the normal matrix.
-        taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored.
+        taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored. Dense where A is.
         solve: Q times right-hand sides (u,) or (u, k).
         redundancy: Degrees of freedom.
     """
@@ -46,7 +46,7 @@ class Linear:
     rows: csr_array | FloatArray
     whitening: csr_array | FloatArray
     cofactors: csc_array | FloatArray
-    taken: csr_array
+    taken: csr_array | FloatArray
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
 
@@ -117,7 +117,7 @@ def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Ba
         matrix,
         np.diag(weights),
         cofactors,
-        diagonal(np.einsum("ij,ij->i", matrix @ cofactors, matrix)),
+        np.diag(np.einsum("ij,ij->i", matrix @ cofactors, matrix)),
         state.solve,
         result.redundancy,
     )
