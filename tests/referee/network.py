@@ -91,10 +91,7 @@ class Network:
     def datum_rows(self, unknowns):
         """Numbers of the unknowns that carry a datum of its own."""
         chosen = self.inner or tuple(self.names)
-        held = {(p.name, k) for p in self.points for k in range(3) if p.sigmas[k] == 0}
-        return [
-            unknowns.at["point", name].start + k for name in chosen for k in range(3) if (name, k) not in held
-        ]
+        return [unknowns.at["point", name].start + k for name in chosen for k in range(3)]
 
     def loose(self, unknowns, jacobian, white, hold):
         """Unknowns, with their equations -> (3n, d) motions that these do not determine where they are now.
@@ -121,17 +118,18 @@ def loose_motions(network, unknowns, seen_by, white):
     n, xyz = 3 * len(network.points), unknowns.points()
     middle = xyz.mean(axis=0)
     extent = 2 * np.linalg.norm(xyz - middle, axis=1).max()
-    held = np.array([p.sigmas == 0 for p in network.points])
+    hold = seen_by[1][:, :n]
+    kept = np.eye(n) - np.linalg.pinv(hold, rcond=1e-9) @ hold if len(hold) else np.eye(n)
 
     def basic(places):
         arms = (places - middle) / extent
         columns = [np.tile(axis, (len(places), 1)) for axis in np.eye(3)]
         columns += [np.cross(axis, arms) for axis in np.eye(3)] + [arms]
-        return np.column_stack([np.where(held, 0.0, c).ravel() for c in columns])
+        return kept @ np.column_stack([c.ravel() for c in columns])
 
     u, s, vt = np.linalg.svd(basic(xyz), False)
     apart = s > ALIKE * s[0]
-    points, made_of = (part * np.sqrt(len(xyz)) for part in (u[:, apart], (vt.T / s)[:, apart]))
+    points, made_of = u[:, apart] * np.sqrt(len(xyz)), vt[apart].T / s[apart] * np.sqrt(len(xyz))
     others = -np.linalg.lstsq(white[:, n:], white[:, :n] @ points, rcond=1e-12)[0]
     motions = np.vstack([points, others])
     alone = [np.maximum(np.linalg.norm(part[:, :n], axis=1), 1e-300)[:, None] for part in seen_by]
@@ -139,21 +137,24 @@ def loose_motions(network, unknowns, seen_by, white):
     modes = np.linalg.svd(shares)[2].T
     seen = np.abs(shares @ modes).max(axis=0)
     curved = modes[:, seen <= max(1e-3, 2 * extent / MEAN_RADIUS)]
-    _, weights, turned = np.linalg.svd(least(white, points @ curved), full_matrices=False)
+    _, weights, turned = np.linalg.svd(least(white, points @ curved, hold), full_matrices=False)
     shares = (made_of @ curved @ turned.T)[:, weights * 0.01 * extent < 1.0]
     return lambda places: basic(places) @ shares
 
 
-def least(white, points):
+def least(white, points, hold):
     """(m, k) the least that rows see where points (3n, k) move on the whole, all unknowns as they like.
+
+    What rows (h, 3n) hold stays.
 
     What the points do has a mean product of 1 with one motion, of 0 with the others.
     """
     n, k = points.shape
     if not k:
         return white[:, :0]
+    k += len(hold)
     rest = np.zeros((white.shape[1], white.shape[1] - k))
-    rest[:n, : n - k] = np.linalg.svd(points)[0][:, k:]
+    rest[:n, : n - k] = np.linalg.svd(np.vstack([points.T, hold]))[2][k:].T
     rest[n:, n - k :] = np.eye(len(rest) - n)
     rows, free = white[:, :n] @ points, white @ rest
     scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)

@@ -92,3 +92,25 @@ def test_a_chord_without_weight_changes_no_inner_precision():
     found, plain = (inner(Network.read_project(paths, frame=frame)) for paths in files)
     np.testing.assert_allclose(found, plain, rtol=1e-4)
     assert plain.max() < 3e-4
+
+
+def test_a_coordinate_of_another_system_is_held_exactly(tmp_path):
+    """A northing of UTM, 2 degrees beside its meridian: the axes of the frame are 1.5 degrees off it."""
+    (tmp_path / "p.csv").write_text(
+        "name,x,y,z,sx,sy,sz\nA,650000,5300000,100,0.01,0,0.01\nB,650080,5300010,102,0.01,0.01,0.01\n"
+        "C,650050,5300070,99,,,\nD,649990,5300060,104,,,\n"
+    )
+    places = {"A": (0, 0, 0), "B": (80, 10, 2), "C": (50, 70, -1), "D": (-10, 60, 4)}
+    rows = ["type,from,to,value,sigma"]
+    for k, (a, b) in enumerate((a, b) for a in places for b in places if a < b):
+        distance = float(np.linalg.norm(np.subtract(places[a], places[b])))
+        rows.append(f"Dist,{a},{b},{distance + 0.02 * (-1) ** k},0.01")
+        rows.append(f"DH,{a},{b},{places[b][2] - places[a][2]},0.001")
+    (tmp_path / "o.csv").write_text("\n".join(rows) + "\n")
+    frame = "RTL*650000*5300000*100*EPSG:32631"
+    files = [tmp_path / "p.csv", tmp_path / "o.csv"]
+    found = Network.read_project(files, frame=frame, points_crs="EPSG:32631").adjust(datum=Datum("inner"))
+    assert found.converged
+    assert found.points.crs_coordinates[0, 1] == pytest.approx(5300000.0, abs=1e-7)
+    assert abs(found.points.crs_coordinates[1, 1] - 5300010.0) > 1e-3
+    assert found.points.crs_precisions[0, 1] < 1e-9 < found.points.crs_precisions[0, 0]

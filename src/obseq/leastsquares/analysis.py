@@ -19,7 +19,7 @@ from obseq.leastsquares.assembly.threads import checked_threads
 from obseq.leastsquares.diagnosis.rejection import rejection_told
 from obseq.leastsquares.diagnosis.singular import untouched_error
 from obseq.leastsquares.iterations.constrained_solver import ConstrainedSolver
-from obseq.leastsquares.iterations.constraints import substitution
+from obseq.leastsquares.iterations.constraints import held_rows, substitution
 from obseq.leastsquares.iterations.datum_solver import Beyond, DatumSolver
 from obseq.leastsquares.iterations.gauss_newton import Progress
 from obseq.leastsquares.iterations.newton import factor
@@ -157,9 +157,7 @@ class Analysis:
         return substitution(self.equations.table, self.equations.free, self.equations.constraints)
 
     def _new_solver(self) -> Solver:
-        if self._state.constraints:
-            if self._state.datum.scalars.size:
-                raise InputError("a datum and hard constraints do not go together: freeze unknowns instead")
+        if self._state.constraints and not self._state.datum.scalars.size:
             return ConstrainedSolver(self._substitution, self._solver_name, self._threads)
         solver = choose_solver(self.equations.pattern, self._solver_name, threads=self._threads)
         return self._on_datum(solver) if self._state.datum.scalars.size else solver
@@ -178,7 +176,10 @@ class Analysis:
         weak = partial(_directions, table, datum, inside, numbers[inside], len(chosen))
         is_whole = not equations.viscosities and equations.n_unknowns == equations.pattern.n
         seen = equations.seen if is_whole else None
-        return DatumSolver(solver, chosen, offset, beyond, weak, datum.n_held, seen)
+        holds = partial(held_rows, table, equations.free, equations.constraints)
+        if equations.constraints and beyond is not None:
+            raise InputError("hard constraints, and a datum of eliminated unknowns: take one of them back")
+        return DatumSolver(solver, chosen, offset, beyond, weak, datum.n_held, seen, holds)
 
 
 class Analyses:

@@ -11,6 +11,7 @@ from obseq.diagnosis.verdict import Status
 from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
 from obseq.images.causes.given_poses import GIVEN_POSES, compared
+from obseq.images.causes.image import IMAGE
 from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.record import record_of_fits, record_of_verdict
@@ -71,6 +72,7 @@ def diagnosed(
         return _of_good(subject, found, told, options)
     is_explained = found.status == Status.EXPLAINED and not is_mirrored(solution)
     is_explained &= len(found.accused) < MANY
+    is_explained &= sum(one.code == IMAGE.code for one in found.accused) <= 1  # two may be exchanged
     is_much = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
     if not is_explained and is_much and measures <= MOST_PLACED:
         fits = Tries(subject, told, options).best()

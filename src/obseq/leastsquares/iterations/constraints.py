@@ -87,6 +87,21 @@ def substitution(table: UnknownTable, free: FreeUnknowns, batches: Sequence[Batc
     return solved.substitution(len(free.scalars))
 
 
+def held_rows(
+    table: UnknownTable, free: FreeUnknowns, batches: Sequence[Batch]
+) -> tuple[FloatArray, FloatArray]:
+    """(n_free, k) linearised constraints as columns H, and (k,) what H' dx is to be.
+
+    Raises:
+        DivergenceError: as of `substitution`, and InputError.
+    """
+    rows = [row for batch in batches for row in _rows(table, free, batch)]
+    columns = np.zeros((len(free.scalars), len(rows)))
+    for column, row in zip(columns.T, rows, strict=True):
+        column[list(row.coefficients)] = list(row.coefficients.values())
+    return columns, np.array([row.value for row in rows])
+
+
 def _rows(table: UnknownTable, free: FreeUnknowns, batch: Batch) -> list[Row]:
     """The linearised constraints of a batch; frozen unknowns drop out."""
     wrong = np.flatnonzero(table.eliminated[batch.blocks].any(axis=0))

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 Seen: TypeAlias = "Callable[[FloatArray], FloatArray]"
 """Directions (n, k) -> (m, k) what the equations see of them, over sigmas."""
 
+Holds: TypeAlias = "Callable[[], tuple[FloatArray, FloatArray]]"
+"""() -> what hard constraints hold now, and what they want of a step."""
+
 WEAK = 1e-6
 """Share of what holds a direction that N adds: below, N has too few digits of it, and the rows are asked."""
 
@@ -101,6 +104,11 @@ def _released(kept: FloatArray, directions: FloatArray, seen: Seen | None) -> Fl
     return np.asarray(turned @ np.linalg.inv(rest) @ turned.T)
 
 
+def _nothing(n: int) -> tuple[FloatArray, FloatArray]:
+    """No constraints of n unknowns."""
+    return np.zeros((n, 0)), np.zeros(0)
+
+
 def _seen_damped(seen: Seen, roots: FloatArray, directions: FloatArray) -> FloatArray:
     """What equations and a damping, whose roots are (n, 1), see of directions (n, k)."""
     return np.vstack([seen(directions), roots * directions])
@@ -140,6 +148,7 @@ class DatumSolver:
         weak: Gives (n, q) what the datum's unknowns do now along directions that are weakly determined.
         n_held: How many of these, the first ones, are held whatever the matrix makes of them.
         seen: What equations see of directions, where they are what makes the matrix.
+        holds: Gives hard constraints: (n, h) columns H, and (h,) what H' dx is to be.
     """
 
     def __init__(
@@ -151,7 +160,9 @@ class DatumSolver:
         weak: Callable[[], FloatArray] | None = None,
         n_held: int = 0,
         seen: Seen | None = None,
+        holds: Holds | None = None,
     ) -> None:
+        self._holds = holds or partial(_nothing, len(chosen))
         self._weak = weak or partial(np.zeros, (len(chosen), 0))
         self._n_held = n_held
         self._seen = seen
@@ -162,6 +173,7 @@ class DatumSolver:
         self._held: IntArray | None = None
         self._is_factored = False
         self._datum = np.zeros((len(chosen), 0))
+        self._wanted = np.zeros(0)
         self._border: Border | None = None
         self._pattern: SymmetricPattern | None = None
 
@@ -178,11 +190,12 @@ class DatumSolver:
 
         Motions that are held are held still, wherever they have led.
         """
-        if not self._n_held:
+        if not self._n_held and not len(self._wanted):
             return self._solver
         still, seen = partial(np.zeros, len(self._chosen)), self._seen
         added = None if seen is None else partial(_seen_damped, seen, np.sqrt(damping)[:, None])
-        damped = DatumSolver(self._solver, self._chosen, still, None, self._weak, self._n_held, added)
+        given = self._weak, self._n_held, added, self._holds
+        damped = DatumSolver(self._solver, self._chosen, still, None, *given)
         damped._pattern = self._pattern
         return damped
 
@@ -194,7 +207,7 @@ class DatumSolver:
     @property
     def dimension(self) -> int:
         """Number of datum parameters that the observations leave free."""
-        return self._datum.shape[1]
+        return self._datum.shape[1] - len(self._wanted)
 
     @property
     def is_factored(self) -> bool:
@@ -218,16 +231,17 @@ class DatumSolver:
             SingularMatrixError: The defect has grown since the first factorisation.
         """
         self._is_factored = False
-        weak = self._weak()
+        weak, (held, self._wanted) = self._weak(), self._holds()
         loose = weak[:, : self._n_held]
         _fixed(loose)
+        weak = np.hstack([weak, held])
         if self._held is None:
             self._hold(values, weak)
         else:
             self._solver.factor(self._regularised(values))
         kernel = np.where(self._chosen[:, None], self._kernel_of(values, weak.shape[1]), 0.0)
         _fixed(kernel)
-        self._datum, pulls = np.hstack([loose, kernel]), self._pulls(values)
+        self._datum, pulls = np.hstack([loose, kernel, held]), self._pulls(values)
         self._border = Border.of(self._solver, pulls, self._datum, self._seen) if pulls.size else None
         self._is_factored = True
 
@@ -244,7 +258,10 @@ class DatumSolver:
         if self._beyond is not None:
             kernel = self.null_vectors()
             return np.asarray(step - kernel @ self._beyond.shift(step, kernel))
-        return np.asarray(step - self._border.motions @ (self._datum.T @ (step + self._offset())))
+        away = self._datum.T @ step
+        away[: self.dimension] += (self._datum.T @ self._offset())[: self.dimension]
+        away[self.dimension :] -= self._wanted
+        return np.asarray(step - self._border.motions @ away)
 
     def inverse_parts(self) -> InverseParts:
         """Q on the pattern: that of M, and what makes it that of N on the datum."""
@@ -262,7 +279,7 @@ class DatumSolver:
     @property
     def motions(self) -> FloatArray:
         """(n, k) what the matrix resists least, of what changes the datum by 1 along one direction alone."""
-        return self._datum if self._border is None else self._border.motions
+        return (self._datum if self._border is None else self._border.motions)[:, : self.dimension]
 
     def null_vectors(self) -> FloatArray:
         """(n, k) orthonormal basis of what the datum takes away."""

@@ -131,7 +131,9 @@ class Equations:
     def _set_datum(self, points: Points, point_system: PointSystem) -> None:
         """Puts a free network on the components that are to carry its datum."""
         chosen = np.zeros((len(points), 3), np.bool_)
-        chosen[:, point_system.components] = points.in_datum & points.is_unknown
+        carrying = points.in_datum.any(axis=1, keepdims=True)
+        sought = points.in_datum & points.is_unknown
+        chosen[:, point_system.components] = sought | (carrying & points.is_held)  # held across the frame
         rows = np.flatnonzero(chosen.any(axis=1))
         if rows.size:
             loose = loose_motions(self.system, self.points)

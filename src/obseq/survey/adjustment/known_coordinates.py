@@ -114,13 +114,12 @@ class KnownCoordinates:
     def _freeze(self, system: LeastSquares) -> tuple[IntArray, IntArray]:
         """Freezes what is held along axes of the frame; (rows, components) of what is held otherwise.
 
-        On a datum of its own a network hardly moves: there everything that is held is, along the frame. So is
-        what is invented where the points start.
+        What is invented where the points start is held along the frame.
         """
         invented = self._points.is_free & self._points.is_invented
         held = self._points.is_held | invented
         whole = np.asarray(held.all(axis=1))
-        along = np.tile(whole[:, None], 3) | self._system.is_along_frame | self._points.in_datum.any()
+        along = np.tile(whole[:, None], 3) | self._system.is_along_frame
         along = along | invented
         for component in range(3):
             frozen = self._ids[held[:, component] & along[:, component]]

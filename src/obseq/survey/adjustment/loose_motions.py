@@ -17,6 +17,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.leastsquares.diagnosis.singular import undetermined_error
+from obseq.leastsquares.iterations.constraints import held_rows
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.solvers import choose_solver
 from obseq.survey.adjustment.frame import MEAN_RADIUS
@@ -82,6 +83,7 @@ def loose_motions(system: LeastSquares, points: IntArray) -> LooseMotions:
     basic = np.eye(7 * (int(parts.max(initial=-1)) + 1))
     moves = _moved_places(middles, parts, basic, coordinates)
     moves[numbers < 0] = 0.0
+    _keep_held(normal, points, moves)
     unknowns, is_place = np.zeros((normal.pattern.n, moves.shape[2])), np.zeros(normal.pattern.n, np.bool_)
     unknowns[numbers[numbers >= 0]], is_place[numbers[numbers >= 0]] = moves[numbers >= 0], True
     try:
@@ -134,6 +136,17 @@ def _parts(normal: NormalEquations, numbers: IntArray) -> IntArray:
     parts = np.full(len(numbers), -1)
     parts[first >= 0] = found
     return parts
+
+
+def _keep_held(normal: NormalEquations, points: IntArray, moves: FloatArray) -> None:
+    """Takes from motions (n_points, 3, k) of points what hard constraints of single points hold."""
+    row = np.full(len(normal.table), -1)
+    row[points] = np.arange(len(points))
+    for batch in normal.constraints:
+        axes, rows = jacobian_rows(normal.table, batch)[1:], row[batch.blocks[0]]
+        if len(axes) == 3 and (rows >= 0).all():
+            for axis, at in zip((axes / np.linalg.norm(axes, axis=0)).T, rows.tolist(), strict=True):
+                moves[at] -= np.outer(axis, axis @ moves[at])
 
 
 def _middles(coordinates: FloatArray, parts: IntArray) -> tuple[FloatArray, float]:
@@ -192,7 +205,8 @@ def _resistance(normal: NormalEquations, amounts: FloatArray) -> FloatArray:
         return np.zeros((0, 0))
     still, given = partial(np.zeros, n), partial(np.asarray, amounts)
     plain = choose_solver(normal.pattern)
-    solver = DatumSolver(plain, np.ones(n, np.bool_), still, None, given, count, normal.seen)
+    holds = partial(held_rows, normal.table, normal.free, normal.constraints)
+    solver = DatumSolver(plain, np.ones(n, np.bool_), still, None, given, count, normal.seen, holds)
     solver.analyse(normal.pattern)
     solver.factor(normal.assemble(viscous=False).values)
     rows = normal.seen(solver.motions[:, :count])
