@@ -49,10 +49,6 @@ class Antenna:
         """Whether the antenna is the projection centre itself."""
         return not (self.lever_arm.any() or self.lever_sigmas.any())
 
-    def without(self, images: Collection[str]) -> Antenna:
-        """That of the other images."""
-        return self._rows(~are_among(self.images, images))
-
     def of(self, images: Collection[str]) -> Antenna:
         """That of some images."""
         return self._rows(are_among(self.images, images))
@@ -164,12 +160,6 @@ class References:
                 "large sigmas to those that are not"
             )
         self.antennas.append(found)
-
-    def set_lever_arm(self, lever_arm: ArrayLike, lever_sigmas: ArrayLike = np.inf) -> None:
-        """Gives the antennas that are there a lever arm, in place of theirs (see `observe_antenna`)."""
-        antennas, self.antennas = self.antennas, []
-        for one in antennas:
-            self.observe_antenna(one.images, one.positions, one.sigmas, lever_arm, lever_sigmas, one.name)
 
     def roll_shutter(
         self,

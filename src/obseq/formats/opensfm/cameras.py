@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from obseq.formats.blocks.json_nodes import Node
 
 BROWN = ("perspective", "brown", "radial", "simple_radial")
-FISH_EYES = ("fisheye", "fisheye_opencv")
 _TWO = ("F", "PPx", "PPy", "b1")
 FREE = {
     "perspective": ("F", "K1", "K2"),

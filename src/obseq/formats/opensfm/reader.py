@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 PLACES = ("", "opensfm")
 """Where the files are in a folder: beside one another, or in that of ODM's project."""
 TRACKS = "OPENSFM_TRACKS_VERSION_v"
-COLUMNS = {0: 5, 1: 5, 2: 5}
-"""Fields of a track that are read, by version: image, track, feature, x, y."""
 
 
 def read_opensfm(path: str | Path) -> BundleAdjustment:
@@ -54,7 +52,7 @@ def read_opensfm(path: str | Path) -> BundleAdjustment:
     with new_block(path) as block:
         others = [f"{len(dict(one.get('shots', {}).items()))} images" for one in scenes[1:]]
         note_count(block, others, "smaller reconstructions are left out")
-        cameras = dict(read_camera(name, given) for name, given in _named(scene["cameras"]))
+        cameras = dict(read_camera(name, given) for name, given in scene["cameras"].items())
         block.add_cameras(*cameras)
         hold_all_but(block, {camera.name: free for camera, free in cameras.items()})
         _add_images(block, scene)
@@ -64,10 +62,6 @@ def read_opensfm(path: str | Path) -> BundleAdjustment:
         add_positions(block, place.parent, scene)
         add_ground_points(block, place.parent)
     return block
-
-
-def _named(cameras: Node) -> list[tuple[str, Node]]:
-    return list(cameras.items())
 
 
 def _add_images(block: BundleAdjustment, scene: Node) -> None:
