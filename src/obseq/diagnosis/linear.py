@@ -37,7 +37,8 @@ class Linear:
         rows: (n, u) A, whitened.
         whitening: (n, n) from residuals in their units to whitened ones.
         cofactors: (u, u) Q on the pattern of the normal matrix.
-        taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored. Dense where A is.
+        taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored;
+            dense where A is.
         solve: Q times right-hand sides (u,) or (u, k).
         redundancy: Degrees of freedom.
     """

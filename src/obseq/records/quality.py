@@ -71,6 +71,7 @@ class StatisticsRecord(Record, frozen=True):
         lower: Smallest such factor that is expected of sigmas that are right; None where it is not tested.
         upper: Largest one.
         level: Probability that it lies beyond them where the sigmas are right.
+        sense: Of a type, how its residuals lie in the plan: "across" the sight, "along" it, "" for neither.
     """
 
     name: str
@@ -84,6 +85,7 @@ class StatisticsRecord(Record, frozen=True):
     lower: float | None = None
     upper: float | None = None
     level: float | None = None
+    sense: str = ""
 
 
 class ReliabilityRecord(Record, frozen=True):

@@ -14,9 +14,6 @@ if TYPE_CHECKING:
 TOGETHER = 0.1
 """Width (rad) of the bundles of rays that are drawn as one, with all their names."""
 
-ACROSS, ALONG = ("Azim", "Hz"), ("Chord", "Dist", "DistHz", "DistHz0")
-"""Types whose residuals the plan draws, across their sights and along them."""
-
 KNOWN, STATION, UNDETERMINED = 1, 2, 4
 """Marks of points, added up; the script of the page has the same."""
 
@@ -59,8 +56,8 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
         "loose": _loose(record, rows),
         **shown,
         "displacements": "displacement, adjusted minus given",
-        "across": sorted(ACROSS),
-        "along": sorted(ALONG),
+        "across": [row.name for row in record.types or () if row.sense == "across"],
+        "along": [row.name for row in record.types or () if row.sense == "along"],
     }
 
 

@@ -121,6 +121,10 @@ def by_type(fit: Fit) -> tuple[StatisticsRecord, ...]:
     types = fit.book.observations.types
     codes, groups = np.unique(types, return_inverse=True)
     found = list(_statistics(fit, groups, [BY_CODE[code].name for code in codes.tolist()]))
+    found = [
+        structs.replace(row, sense=BY_CODE[code].sense)
+        for row, code in zip(found, codes.tolist(), strict=True)
+    ]
     for members in _joined(fit.book, codes.tolist()):
         own = np.isin(groups, members)
         name = " ".join(found[k].name for k in members)

@@ -221,6 +221,13 @@ class ObservationKind:
         return self.family or self.name
 
     @property
+    def sense(self) -> str:
+        """How its residual lies in the plan: "across" its sight, "along" it, or "" for neither."""
+        if self.start is Start.HZ:
+            return "across"
+        return "along" if self.start in (Start.DISTANCE, Start.FLAT) else ""
+
+    @property
     def unit(self) -> str:
         """Unit of value, sigma and residual in results."""
         return "rad" if self.is_angle else "m"
