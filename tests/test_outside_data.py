@@ -10,10 +10,12 @@ import pytest
 TESTS = Path(__file__).parent
 EXCERPTS = TESTS / "data"
 COLLECTION = TESTS.parents[1] / "shared" / "data"
+OTHERS = {"README.md", "colmap_models.json"}
+"""What stands beside the excerpts and is no part of the collection: its source is told in the README."""
 
 
 def files(folder: Path) -> dict[str, str]:
-    found = (path for path in folder.rglob("*") if path.is_file() and path.name != "README.md")
+    found = (path for path in folder.rglob("*") if path.is_file() and path.name not in OTHERS)
     return {path.relative_to(folder).as_posix(): path.read_text("utf-8") for path in found}
 
 
@@ -21,6 +23,13 @@ def test_every_folder_has_its_source_and_licence() -> None:
     page = (EXCERPTS / "README.md").read_text("utf-8")
     told = set(re.findall(r"`([\w-]+)`", page.replace("`-", "`gama-textbook-")))
     assert {folder.name for folder in EXCERPTS.iterdir() if folder.is_dir()} <= told
+
+
+def test_every_other_file_has_its_source_and_licence() -> None:
+    page = (EXCERPTS / "README.md").read_text("utf-8")
+    beside = {path.name for path in EXCERPTS.iterdir() if path.is_file()}
+    assert beside == OTHERS
+    assert all(f"| `{name}` |" in page for name in beside - {"README.md"})
 
 
 def test_they_decide_formulas_statistics_and_networks() -> None:

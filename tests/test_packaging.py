@@ -197,7 +197,7 @@ def test_the_installed_wheel_works_by_itself(built: Path, tmp_path: Path) -> Non
         commands / "python", "-c", COMMANDS, "obseq formulas", "obseq demo --out results", where=tmp_path
     )
     assert "TopoHz" in shown
-    assert "1.7655" in shown
+    assert "sigma0            1.766" in shown
     result = json.loads((tmp_path / "results" / "adjustment.json").read_text(encoding="utf-8"))
     assert result["sigma0"] == pytest.approx(1.7655, abs=5e-4)
     assert [point["name"] for point in result["points"]] == ["PtA", "PtB", "PtC", "PtD"]

@@ -84,7 +84,6 @@ LOOPS = {
         "visit_children_first",
     ),
     "obseq.targets.detection": (
-        "crossings",
         "discs",
         "halved",
         "saddle_strength",
@@ -93,7 +92,7 @@ LOOPS = {
     ),
     "obseq.targets.light_spots": ("above_mean", "spots", "stand_out"),
     "obseq.targets.painting": ("bit_sums", "paint", "paint_places", "smooth_table"),
-    "obseq.targets.rendering": ("observe", "render", "spread"),
+    "obseq.targets.rendering": ("layers", "observe", "render", "spread"),
 }
 """Every loop that Python calls; the others are parts of them."""
 

@@ -84,11 +84,19 @@ class ContradictoryConstraintsError(InputError):
     """Some constraints cannot hold together; the message names one and those it contradicts."""
 
 
+UNRESOLVED = (
+    "the matrix is singular to rounding: its numbers differ too widely to tell what the observations "
+    "determine from what the datum holds. Look for heights, distances or sigmas that are far from all the "
+    "others, or hold known points"
+)
+"""What is said of a singular matrix where no single unknown is to blame."""
+
+
 class SingularMatrixError(ObseqError):
     """Some pivots vanish: the matrix does not determine these unknowns.
 
     Attributes:
-        indices: (k,) the unknowns whose pivots vanish, ascending.
+        indices: (k,) the unknowns whose pivots vanish, ascending; empty where rounding hides which.
         pivots: (k,) these pivots, each divided by the diagonal entry of its unknown.
     """
 
@@ -97,6 +105,8 @@ class SingularMatrixError(ObseqError):
         super().__init__(
             f"the matrix is singular: {len(indices)} vanishing pivot(s), at unknown(s) {shown}; "
             "fix as many unknowns, or add the observations that determine them"
+            if len(indices)
+            else UNRESOLVED
         )
         self.indices = indices
         self.pivots = pivots

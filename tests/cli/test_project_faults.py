@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 ADJUST = ["bundle-adjust", ".*", "Start", "Out", "GCP3D=[[Gnd,1]]", "GCP2D=[[Gnd,0.3]]", "PPFzCal=.*"]
 CALIBRATION = "CalibIntr_CamBFS-PGE-161S7M-C_Add125_Foc8000"
 UP = np.array([0.0, 0.0, 5000.0])
-IMAGE = "IGN2_p-cam-22300125-1.jpg"
+IMAGE = "IGN2_p-cam-22340125-1.jpg"
 
 
 @pytest.fixture

@@ -109,7 +109,7 @@ class Reader:
             return float(token)
         if self.peek() == "(" and not self.is_spaced():
             return CALLS[token](*self.arguments())
-        return self.named(token)
+        return self.component(self.named(token))
 
     def component(self, value: Any) -> Any:
         if re.fullmatch(r"_[xyz]", self.peek()):
@@ -139,6 +139,7 @@ class Reader:
         if name in self.names:
             return self.names[name]
         whole, _, part = name.rpartition("_")
+        assert whole, f"{name} is not defined in {self.text}"
         if part.isdigit():
             return self.named(whole)[int(part) - 1]
         return self.named(whole)["xyz".index(part)]

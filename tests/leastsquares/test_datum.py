@@ -1,11 +1,13 @@
 """Inner constraints against pseudo-inverses and bordered systems."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from obseq.errors import InputError, SingularMatrixError
 from obseq.leastsquares import LeastSquares, LevenbergMarquardt
-from obseq.leastsquares.iterations.datum_solver import DatumSolver
+from obseq.leastsquares.iterations.datum_solver import Border, DatumSolver
 from obseq.leastsquares.solvers import SymmetricPattern, choose_solver
 
 
@@ -157,6 +159,13 @@ def test_a_weak_direction_has_the_digits_of_the_rows():
     expected = across @ inverse @ inverse.T @ across.T
     np.testing.assert_allclose(found[False], expected, atol=1e-6 * np.abs(expected).max())
     assert np.abs(found[True] - expected).max() > 1e-3 * np.abs(expected).max()
+
+
+def test_a_datum_whose_directions_rounding_makes_one_is_a_singular_matrix():
+    """Heights of 900 km beside sights of 100 m did so: M^-1 then has one direction for two of the datum."""
+    solver = SimpleNamespace(solve=lambda right: np.ones((4, 4)) @ right)
+    with pytest.raises(SingularMatrixError, match="singular to rounding"):
+        Border.of(solver, np.eye(4)[:, :1], np.eye(4)[:, :2], None)
 
 
 def test_a_datum_of_one_point_does_not_fix_a_rotation():

@@ -15,7 +15,7 @@ import pytest
 from scipy.special import ndtri
 
 from obseq.report import page, read_json, to_json
-from obseq.survey import Datum, Network, Quality
+from obseq.survey import Network, Quality
 
 STROKE = 20
 """Milliseconds that the pointer takes from place to place."""
@@ -396,23 +396,3 @@ def test_ten_thousand_points(pages, browser, violations) -> None:
     ):
         check(report, browser)
     assert violations("large") == []
-
-
-def test_what_nothing_determines_is_drawn_and_switched(tmp_path, browser) -> None:
-    path = tmp_path / "free.html"
-    path.write_text(page(demo().adjust(datum=Datum("inner")).record()), encoding="utf-8")
-    show(browser, path)
-    colours = (
-        "const seen = new Set(); const { context } = page.plan; const stroke = context.stroke.bind(context);"
-        "context.stroke = (path) => { seen.add(context.strokeStyle); return stroke(path); };"
-        "page.plan.paint(new CanvasSheet(context, page.plan.width, page.plan.height));"
-        "context.stroke = stroke; return TYPE_COLOURS.map((colour) => seen.has(colour))"
-    )
-    names = browser.execute_script("return page.plan.motions.names")
-    assert any("rotation about z" in name for name in names)
-    turn = next(k for k, name in enumerate(names) if "rotation about z" in name)
-    assert browser.execute_script(colours)[: len(names)] == [k == turn for k in range(len(names))]
-    box = f"#planbar .menu:nth-of-type(2) label:nth-of-type({turn + 1}) input"
-    click(browser, box)
-    assert not any(browser.execute_script(colours))
-    assert browser.get_log("browser") == []

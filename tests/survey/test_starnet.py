@@ -10,7 +10,7 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import KINDS, Network
 
-SECOND = math.pi / 648_000
+SECOND, SIGMAS = math.pi / 648_000, ["distance=3mm", "angle=5sec"]
 PLANE = """
 .2D
 .UNITS Meters DMS
@@ -23,8 +23,7 @@ D B-P 89.443 0.005   'a comment
 
 
 def read(tmp_path, text, **options):
-    path = tmp_path / "n.dat"
-    path.write_text(text)
+    (path := tmp_path / "n.dat").write_text(text)
     return Network.read_project(path, **options)
 
 
@@ -394,8 +393,7 @@ TE 5 92-51-16 S
 def test_distances_in_metres_in_a_file_in_feet_are_told_as_that(tmp_path):
     """Neither they nor the coordinates are "in feet where metres are meant": the file is in feet."""
     feet = np.array([338.962, 439.496, 445.510, 345.121])
-    sigmas = ["distance=3mm", "angle=5sec"]
-    assert read(tmp_path, IN_FEET.format(*feet), sigmas=sigmas).gross_errors() == ()
-    (error,) = read(tmp_path, IN_FEET.format(*feet * 1200.0 / 3937.0), sigmas=sigmas).gross_errors()
+    assert read(tmp_path, IN_FEET.format(*feet), sigmas=SIGMAS).gross_errors() == ()
+    (error,) = read(tmp_path, IN_FEET.format(*feet * 1200.0 / 3937.0), sigmas=SIGMAS).gross_errors()
     assert error.code == "S151" and [slip.code for slip in error.slips] == ["W107"]
     assert len(error.observations) == 4

@@ -195,8 +195,7 @@ def _classes() -> Iterator[tuple[str, Class]]:
         yield f"site: {name}", Class(networks.site, partial(_slipped, slip), _survey, has_causes=True)
     yield "vectors: none", Class(vectors.vectors, lambda survey, random, clean: (survey, ()), _survey)
     for name, slip in vectors.SLIPS.items():
-        made = vectors.vectors
-        yield f"vectors: {name}", Class(made, partial(_slipped, slip), _survey, has_causes=True)
+        yield f"vectors: {name}", Class(vectors.vectors, partial(_slipped, slip), _survey, has_causes=True)
     many = partial(networks.site, rounds=16)
     yield "site: constant below a sigma", Class(many, partial(_slipped, slips.below_a_sigma), _survey)
     yield "block: none", Class(blocks.block, lambda given, random, clean: (given, ()), _block)

@@ -79,8 +79,7 @@ def main() -> int:
                 if not holds(write, networks[0]):
                     continue
                 times = [seconds(lambda write=write, given=given: write(given)) for given in networks]
-                count = len(networks[-1].book.observations)
-                worst = max(worst, told(f"  {name} to {suffix}", count, times))
+                worst = max(worst, told(f"  {name} to {suffix}", len(networks[-1].book.observations), times))
     return 1 if worst > LIMIT else 0
 
 

@@ -137,6 +137,9 @@ def _turned(reading: Reading, by: float) -> float:
 Planted = tuple[Survey, tuple[Fault, ...]]
 
 
+EARTH = {"frame": simulated.FRAME, "points_crs": simulated.PLANE}
+
+
 def mixed(random: Random) -> Survey:
     """A network of 5 to 9 points with all usual observations, on the Earth."""
     n, size = int(random.integers(5, 10)), 10.0 ** random.uniform(1.7, 3.5)
@@ -154,8 +157,7 @@ def mixed(random: Random) -> Survey:
     known = names[: int(random.integers(2, 4))]
     noise = np.where(np.isin(names, known)[:, None], 0.002, 0.3) * random.normal(0.0, 1.0, true.shape)
     coordinates = {name: tuple(row) for name, row in zip(names, (listed + noise).tolist(), strict=True)}
-    options = {"frame": simulated.FRAME, "points_crs": simulated.PLANE}
-    return Survey(tuple(readings), coordinates, tuple(known), options)
+    return Survey(tuple(readings), coordinates, tuple(known), dict(EARTH))
 
 
 def apart(n: int, size: float, least: float, random: Random, high: float) -> FloatArray:

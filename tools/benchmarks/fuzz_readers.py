@@ -108,8 +108,7 @@ def mutated(text: str, chance: random.Random) -> bytes:
 
 
 def _mutated_line(lines: list[str], row: int, chance: random.Random) -> list[str]:
-    words = lines[row].split(" ")
-    action = chance.randrange(7)
+    words, action = lines[row].split(" "), chance.randrange(7)
     if action == 0:
         words[chance.randrange(len(words))] = chance.choice(WORDS)
     elif action == 1:

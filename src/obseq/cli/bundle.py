@@ -29,6 +29,7 @@ from obseq.printable import printable
 from obseq.writing import SECOND, check_writable, write_all
 
 if TYPE_CHECKING:
+    Options = dict[str, Any]
     from collections.abc import Callable, Mapping
 
     from obseq.formats.blocks.catalogue import BlockWriter
@@ -162,7 +163,7 @@ def _reported(
     given: Poses,
     arguments: argparse.Namespace,
     outputs: Mapping[str, Path],
-    options: dict[str, Any],
+    options: Options,
     progress: Progress,
     read: str,
 ) -> tuple[BundleRecord, str]:
@@ -190,7 +191,7 @@ def _without_accused(
     first: BundleRecord,
     arguments: argparse.Namespace,
     outputs: Mapping[str, Path],
-    options: dict[str, Any],
+    options: Options,
 ) -> int:
     """Adjusts again without what is accused; where there is no such adjustment, says why."""
     from obseq.images.causes.without_accused import without_accused
@@ -264,14 +265,14 @@ def _written(arguments: argparse.Namespace, solution: BundleSolution, boundary: 
     return found
 
 
-def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> dict[str, Any]:
+def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> Options:
     """What the command line says of the solution."""
     given = {"strategy": arguments.strategy} if arguments.strategy else {}
     limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
     return {"datum": datum, "threads": arguments.threads, **limits, **given}
 
 
-def _solve(block: BundleAdjustment, options: dict[str, Any], progress: Progress) -> BundleSolution:
+def _solve(block: BundleAdjustment, options: Options, progress: Progress) -> BundleSolution:
     progress("first values")
     block.initialise()
     return block.solve(progress=lambda step: progress(str(step)), **options)

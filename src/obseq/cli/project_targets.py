@@ -104,6 +104,7 @@ def _each_image(
     """
     from obseq.project import read_control_points, read_orientation
     from obseq.project.layout import MEASURES
+    from obseq.reading.text import read_bytes
     from obseq.targets.measures import mmvii_text, read_mmvii
 
     folder, out = tree.measures(arguments.measures), tree.folder(MEASURES, arguments.out)
@@ -120,7 +121,7 @@ def _each_image(
         files[out / f"MesIm-{image}.xml"] = mmvii_text(image, found)
         attributes = folder / f"Attribute-MesIm-{image}.xml"
         if attributes.is_file():
-            text = attributes.read_text(encoding="utf-8")
+            text = read_bytes(attributes).decode("utf-8")
             for one, other in changed:
                 text = text.replace(f'"{one.point}"', f'"{other.point}"')
             files[out / attributes.name] = text

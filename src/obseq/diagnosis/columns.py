@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
 
-    Ways = Callable[[csc_array], tuple[Any, Any]]
+    Matrix = Any  # dense or sparse: SciPy's operators are those of NumPy
+    Ways = Callable[[csc_array], tuple[Matrix, Matrix]]
 
 _NONE, _SEVERAL = -1, -2
 """In place of the observation that a column changes: none, or more than one."""
@@ -73,7 +74,7 @@ class Columns:
         if isinstance(self.matrix, np.ndarray):
             lost = np.einsum("ij,ij->j", *self._through(linear))
             return np.asarray(np.where(self.matrix.any(axis=0), 1.0 - lost, 0.0))
-        matrix = cast("Any", self.matrix)
+        matrix = cast("Matrix", self.matrix)
         weights = np.where(np.diff(matrix.indptr) == 0, 0.0, np.nan)
         units = self._units(linear)
         (within,) = np.nonzero(units >= 0)
@@ -81,13 +82,13 @@ class Columns:
         weights[within] = 1.0 - _sums(own, linear.taken @ own)
         (local,) = np.nonzero((units == _SEVERAL) & self.is_local)
         if local.size:
-            through = cast("Any", linear.rows).T @ matrix[:, local]
+            through = cast("Matrix", linear.rows).T @ matrix[:, local]
             weights[local] = 1.0 - _sums(linear.cofactors @ through, through)
         return weights
 
     def _units(self, linear: Linear) -> IntArray:
         """(k,) first equation of the observation that a column changes; negative for several or none."""
-        matrix, taken = cast("Any", self.matrix), cast("Any", linear.taken)
+        matrix, taken = cast("Matrix", self.matrix), cast("Matrix", linear.taken)
         first = taken.indices[taken.indptr[:-1]]
         found = np.full(matrix.shape[1], _NONE)
         (some,) = np.nonzero(np.diff(matrix.indptr))
@@ -121,19 +122,19 @@ class Columns:
         result = np.empty((g, q, q))
         for which, taken in self._ways(linear, sets):
             for part in np.array_split(which, -(-len(which) * q // _AT_A_TIME)) if len(which) else ():
-                flat = cast("Any", self.matrix)[:, sets[part].ravel()]
+                flat = cast("Matrix", self.matrix)[:, sets[part].ravel()]
                 result[part] = _inner(flat, flat, q) - _inner(*taken(flat), q)
         return result
 
     def _ways(self, linear: Linear, sets: IntArray) -> list[tuple[IntArray, Ways]]:
         """Sets by how what the unknowns take of them is found: vectors whose products with others it is."""
-        rows, cofactors = cast("Any", linear.rows), cast("Any", linear.cofactors)
+        rows, cofactors = cast("Matrix", linear.rows), cast("Matrix", linear.cofactors)
 
-        def locally(flat: csc_array) -> tuple[Any, Any]:
+        def locally(flat: csc_array) -> tuple[Matrix, Matrix]:
             through = (rows.T @ flat).tocsc()
             return through, (cofactors @ through).tocsc()
 
-        def exactly(flat: csc_array) -> tuple[Any, Any]:
+        def exactly(flat: csc_array) -> tuple[Matrix, Matrix]:
             through = (rows.T @ flat).toarray()
             return through, linear.solve(through)
 
@@ -151,12 +152,12 @@ class Columns:
         return through, linear.solve(np.ascontiguousarray(through)) if len(through) else through
 
 
-def _sums(left: Any, right: Any) -> FloatArray:
+def _sums(left: Matrix, right: Matrix) -> FloatArray:
     """(k,) products of columns."""
     return np.asarray(left.multiply(right).sum(axis=0)).ravel()
 
 
-def _inner(left: Any, right: Any, q: int) -> FloatArray:
+def _inner(left: Matrix, right: Matrix, q: int) -> FloatArray:
     """(g, q, q) products of the columns of each set, which follow each other."""
     found = np.empty((left.shape[1] // q, q, q))
     for i in range(q):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from obseq.kernels.loading import Kernel
     from obseq.leastsquares import Batch, Iteration, Loss
     from obseq.leastsquares.iterations.strategies import Strategy
-    from obseq.survey import Network
+    from obseq.survey import InitialValues, Network
 
 GROUP = "known values"
 
@@ -231,7 +231,9 @@ class Adjustment:
             system, result, tuple(zip(self._equations, batches, strict=True)), part, tuple(surveys)
         )
 
-    def _images(self, system: LeastSquares) -> tuple[tuple[ImagePart, list[Any]] | None, list[Network]]:
+    def _images(
+        self, system: LeastSquares
+    ) -> tuple[tuple[ImagePart, list[InitialValues]] | None, list[Network]]:
         """The block in the system with the starts of all networks, and these; None without images."""
         if self._block is None:
             return None, self._networks

@@ -10,6 +10,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.images import ControlPoints, ImagePoints
 from obseq.project.tree import Reader, bare, merged, read_tree, tree_text
+from obseq.reading.text import read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -77,7 +78,7 @@ def measures_text(image: str, measures: ImagePoints, *, as_json: bool = False) -
 
 def measure_copies(source: Path, target: Path) -> dict[Path, str | bytes]:
     """The files of the measures in a folder, for another one; none where there is no such folder."""
-    return {target / path.name: path.read_bytes() for path in sorted(source.glob(f"{MEASURES_PREFIX}*"))}
+    return {target / path.name: read_bytes(path) for path in sorted(source.glob(f"{MEASURES_PREFIX}*"))}
 
 
 def read_control_points(

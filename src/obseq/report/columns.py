@@ -13,8 +13,10 @@ if TYPE_CHECKING:
 
     from obseq.records.adjustment import EllipseRecord
 
-Column = dict[str, Any]
-Table = Column
+Plain = dict[str, Any]
+"""What a page holds as JSON."""
+Column = Plain
+Table = Plain
 
 PLACES = {"m": 5, "rad": 9}
 """Decimals of coordinates and observed values on the page: more than it shows in any unit."""

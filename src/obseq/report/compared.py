@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.report.columns import all_rounded, choice, column, ellipse_columns, field, table
+from obseq.report.columns import Plain, all_rounded, choice, column, ellipse_columns, field, table
 from obseq.report.comparison import DATUMS, movements
 from obseq.report.head import (
     WORDS,
     Card,
     Finding,
     Findings,
+    Level,
     Page,
     Place,
     Section,
@@ -25,7 +26,6 @@ from obseq.report.said import name, small
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from typing import Any
 
     from obseq.records.comparison import ComparisonRecord
 
@@ -142,7 +142,7 @@ def _lists(record: ComparisonRecord, rows: dict[str, int]) -> Iterator[Findings]
     yield Findings("Worth knowing", tuple(told))
 
 
-def _moved(record: ComparisonRecord, point: str, rows: dict[str, int], level: Any = "bad") -> Finding:
+def _moved(record: ComparisonRecord, point: str, rows: dict[str, int], level: Level = "bad") -> Finding:
     row = record.displacements[rows[point]]
     spreads = (row.s_east, row.s_north, row.s_up)
     spread = ", ".join(small(one) for one in spreads if one is not None)
@@ -153,7 +153,7 @@ def _moved(record: ComparisonRecord, point: str, rows: dict[str, int], level: An
     return Finding(level, name(point), text, small(row.length), chance, to=Place(point=rows[point]))
 
 
-def _plan(record: ComparisonRecord) -> dict[str, Any]:
+def _plan(record: ComparisonRecord) -> Plain:
     found = record.displacements
     return {
         "x": all_rounded([row.x for row in found]),
@@ -174,7 +174,7 @@ def _plan(record: ComparisonRecord) -> dict[str, Any]:
     }
 
 
-def _displacements(record: ComparisonRecord) -> dict[str, Any]:
+def _displacements(record: ComparisonRecord) -> Plain:
     found = record.displacements
     columns = [
         column("point", "point", range(len(found))),

@@ -7,7 +7,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report import units
+from obseq.report import content_quality, units
 from obseq.report.columns import (
     PLACES,
     Column,
@@ -23,13 +23,13 @@ from obseq.report.columns import (
     small,
     table,
 )
-from obseq.report.quality import ellipse_level, parts_per_million
+from obseq.report.quality import ellipse_level
 from obseq.report.rows import short_names, unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.records.adjustment import AdjustmentRecord, StatisticsRecord
+    from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
 
 Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""
@@ -107,72 +107,40 @@ def _judged(record: AdjustmentRecord) -> list[Column]:
         return [
             field("w", "number", found, "normalised_residual", by_size=True, limit=4.0, about=about, bar="w")
         ]
+    return [*([] if record.planned else _tests(found, level.critical)), *_reliability(record)]
+
+
+def _tests(found: Sequence[ObservationRecord], limit: float) -> list[Column]:
+    """The tests of single observations."""
     own = "residual / its own a priori standard deviation"
-    of_residuals = [
-        field(
-            "w",
-            "number",
-            found,
-            "standardised_residual",
-            by_size=True,
-            limit=level.critical,
-            about=own,
-            bar="w",
-        ),
-        field(
-            "normalised",
-            "number",
-            found,
-            "normalised_residual",
-            by_size=True,
-            about="residual / sigma",
-            rare=True,
-        ),
-        field(
-            "tau",
-            "number",
-            found,
-            "tau",
-            by_size=True,
-            about="residual / its own a posteriori standard deviation",
-            rare=True,
-        ),
-        field(
-            "error",
-            "small",
-            found,
-            "blunder",
-            by_size=True,
-            about="estimate of its error, if it were the only one",
-            rare=True,
-        ),
-    ]
+    estimated = "residual / its own a posteriori standard deviation"
+    error = "estimate of its error, if it were the only one"
+    sized = {"by_size": True, "rare": True}
     return [
-        *([] if record.planned else of_residuals),
-        field(
-            "redundancy",
-            "number",
-            found,
-            "redundancy",
-            about="share of an error that shows in its residual",
-            bar="redundancy",
-        ),
+        field("w", "number", found, "standardised_residual", by_size=True, limit=limit, about=own, bar="w"),
+        field("normalised", "number", found, "normalised_residual", about="residual / sigma", **sized),
+        field("tau", "number", found, "tau", about=estimated, **sized),
+        field("error", "small", found, "blunder", about=error, **sized),
+    ]
+
+
+def _reliability(record: AdjustmentRecord) -> list[Column]:
+    """How far others check each observation, and what an error would do."""
+    found, paper = record.observations, record.planned
+    share = "share of an error that shows in its residual"
+    least = "smallest error that its test finds"
+    most = "most that such an error moves a coordinate, in its standard deviations"
+    return [
+        field("redundancy", "number", found, "redundancy", about=share, bar="redundancy"),
         field(
             "detectable",
             "small",
             found,
             "detectable",
-            about="smallest error that its test finds",
-            paper=record.planned,
+            about=least,
+            paper=paper,
         ),
-        field(
-            "effect",
-            "number",
-            found,
-            "external",
-            about="most that such an error moves a coordinate, in its standard deviations",
-            paper=record.planned,
-        ),
+        field("effect", "number", found, "external", about=most, paper=paper),
     ]
 
 
@@ -204,51 +172,13 @@ def _points(record: AdjustmentRecord, rows: Rows) -> Table | None:
     if not found:
         return None
     is_other = record.points_crs != record.frame
-    inner, moved = [point.inner for point in found], [point.moved for point in found]
-    counts = Counter(name for row in record.observations if row.active for name in {row.origin, row.target})
-    frame = [
-        column(
-            f"frame {axis}" if is_other else axis,
-            "length",
-            all_rounded([getattr(point, axis) for point in found]),
-            rare=is_other,
-        )
-        for axis in "xyz"
-    ]
-    own = [field(f"s{axis}", "small_length", found, f"s{axis}") for axis in "xyz"]
-    if is_other and any(point.crs_sx is not None for point in found):
-        own = [field(f"s{axis}", "small_length", found, f"crs_s{axis}") for axis in "xyz"]
     columns = [
         column("point", "point", range(len(found))),
         _classes(record),
-        *((_given_axis(record, axis) for axis in "xyz") if is_other else ()),
-        *frame,
-        *own,
+        *_coordinates(record, is_other),
         *ellipse_columns(point.ellipse for point in found),
-        column("observations", "count", (counts[point.name] for point in found), paper=False),
-        *(
-            element(
-                f"moved {axis}",
-                "small_length",
-                moved,
-                k,
-                by_size=True,
-                about="adjusted minus given",
-                rare=True,
-            )
-            for k, axis in enumerate("xyz")
-        ),
-        *(
-            element(
-                f"inner s{axis}",
-                "small_length",
-                inner,
-                k,
-                about="with the datum of inner constraints",
-                rare=True,
-            )
-            for k, axis in enumerate("xyz")
-        ),
+        *_counted(record),
+        *_moves(record),
     ]
     where = record.points_crs if is_other else f"the computation frame {record.frame}"
     precisions = f"precisions {record.precision or 'as in the record'}"
@@ -262,6 +192,37 @@ def _points(record: AdjustmentRecord, rows: Rows) -> Table | None:
         order="major",
         hint=f"{printable_line(found[0].name)} known sz>3",
     )
+
+
+def _coordinates(record: AdjustmentRecord, is_other: bool) -> list[Column]:
+    """Coordinates in the system of the points, then in the frame; and their precisions."""
+    found = record.points
+    given = [_given_axis(record, axis) for axis in "xyz"] if is_other else []
+    has_own = is_other and any(point.crs_sx is not None for point in found)
+    names = {axis: f"frame {axis}" if is_other else axis for axis in "xyz"}
+    placed = {axis: all_rounded([getattr(point, axis) for point in found]) for axis in "xyz"}
+    frame = [column(names[axis], "length", placed[axis], rare=is_other) for axis in "xyz"]
+    kind = "crs_s" if has_own else "s"
+    return [*given, *frame, *(field(f"s{axis}", "small_length", found, f"{kind}{axis}") for axis in "xyz")]
+
+
+def _counted(record: AdjustmentRecord) -> list[Column]:
+    """How many observations name each point."""
+    used = (row for row in record.observations if row.active)
+    counts = Counter(name for row in used for name in {row.origin, row.target})
+    numbers = (counts[point.name] for point in record.points)
+    return [column("observations", "count", numbers, paper=False)]
+
+
+def _moves(record: AdjustmentRecord) -> list[Column]:
+    """How points moved, and their precisions on inner constraints."""
+    moved, inner = [point.moved for point in record.points], [point.inner for point in record.points]
+    far, free = "adjusted minus given", "with the datum of inner constraints"
+    axes, size = list(enumerate("xyz")), "small_length"
+    return [
+        *(element(f"moved {a}", size, moved, k, by_size=True, about=far, rare=True) for k, a in axes),
+        *(element(f"inner s{a}", size, inner, k, about=free, rare=True) for k, a in axes),
+    ]
 
 
 def _classes(record: AdjustmentRecord) -> Column:
@@ -280,22 +241,6 @@ def _given_axis(record: AdjustmentRecord, axis: str) -> Column:
     values = all_rounded([getattr(point, f"crs_{axis}") for point in record.points], places + 1)
     more = {} if unit == "m" else {"decimals": places, "unit": unit}
     return column(axis, "length", values, **more)
-
-
-def _ellipsoids(record: AdjustmentRecord, _: Rows) -> Table | None:
-    found = [(k, point.ellipsoid) for k, point in enumerate(record.points) if point.ellipsoid]
-    if not found:
-        return None
-    parts = {name: [getattr(item, name) for _, item in found] for name in ("axes", "bearings", "elevations")}
-    columns = [column("point", "point", (k for k, _ in found))]
-    for k in range(3):
-        columns += [
-            element(f"axis {k + 1}", "small_length", parts["axes"], k),
-            element(f"bearing {k + 1}", "bearing", parts["bearings"], k),
-            element(f"elevation {k + 1}", "bearing", parts["elevations"], k),
-        ]
-    about = f"Semi-axes of the error ellipsoids, the longest first; {ellipse_level(record, 'ellipsoid')}."
-    return table("ellipsoids", "Ellipsoids", columns, about=about)
 
 
 def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
@@ -360,100 +305,16 @@ def _stations(record: AdjustmentRecord, rows: Rows) -> Table | None:
     return table("stations", "Stations", columns)
 
 
-def _by_type(record: AdjustmentRecord, _: Rows) -> Table | None:
-    first = choice("type", [row.name for row in record.types or ()])
-    return _statistics("by-type", "By type", first, record.types or ())
-
-
-def _by_station(record: AdjustmentRecord, rows: Rows) -> Table | None:
-    first = column("from", "point", (rows.get(row.name) for row in record.setups or ()))
-    return _statistics("by-station", "By station", first, record.setups or ())
-
-
-def _statistics(key: str, title: str, first: Column, found: Sequence[StatisticsRecord]) -> Table | None:
-    """The table of how the observations of each type or from each point fit."""
-    if not found:
-        return None
-    columns = [
-        first,
-        column("used", "count", (row.count for row in found)),
-        column("unused", "count", (row.unused for row in found)),
-        field("redundancy", "number", found, "redundancy"),
-        field("mean", "number", found, "mean", by_size=True, about="of the normalised residuals"),
-        field("rms", "number", found, "rms", about="of the normalised residuals"),
-        field("largest", "number", found, "largest", about="standardised residual"),
-        field("factor", "number", found, "sigma_factor", about="1 when the sigmas are right"),
-        field("from", "number", found, "lower", key="lower", about="smallest factor of right sigmas"),
-        field("to", "number", found, "upper", key="upper", about="largest factor of right sigmas"),
-    ]
-    return table(key, title, columns, order="factor", inside=True)
-
-
-def _relative(record: AdjustmentRecord, rows: Rows) -> Table | None:
-    found = record.relative
-    if not found:
-        return None
-    columns = [
-        column("first", "point", (rows.get(row.first) for row in found)),
-        column("second", "point", (rows.get(row.second) for row in found)),
-        column("distance", "length", (rounded(row.distance) for row in found)),
-        field("s distance", "small_length", found, "precision"),
-        column("ppm", "number", (small(parts_per_million(row)) for row in found)),
-        field("s bearing", "small_angle", found, "bearing_precision"),
-        *ellipse_columns(row.ellipse for row in found),
-    ]
-    about = f"Precisions {record.precision or 'as in the record'}; ellipses {ellipse_level(record)}."
-    return table("relative", "Pairs", columns, about=about, order="s distance")
-
-
-def _components(record: AdjustmentRecord, _: Rows) -> Table | None:
-    found = record.variance_components
-    if not found:
-        return None
-    columns = [
-        choice("kind", [row.group for row in found]),
-        field("variance x", "fine", found, "factor"),
-        field("precision", "fine", found, "precision"),
-        field("sigma x", "fine", found, "sigma_factor"),
-        field("redundancy", "number", found, "redundancy"),
-        choice("supported", ["yes" if row.supported else "no" for row in found]),
-    ]
-    about = "Factors of the given variances, which were applied."
-    return table("components", "Variance components", columns, about=about, inside=True)
-
-
-def _undetermined(record: AdjustmentRecord, rows: Rows) -> Table | None:
-    """What the observations of a free network leave undetermined, by motion and point; the plan draws it."""
-    found = record.undetermined
-    if not found:
-        return None
-    numbered = [(f"{k + 1}: {item.text}", item) for k, item in enumerate(found)]
-    moves = [move for item in found for move in item.moves]
-    columns = [
-        choice("motion", [text for text, item in numbered for _ in item.points]),
-        column("point", "point", (rows[name] for item in found for name in item.points)),
-        *(
-            column(f"along {axis}", "number", (move[k] for move in moves), key=axis)
-            for k, axis in enumerate("xyz")
-        ),
-    ]
-    about = (
-        "What the datum of the free network takes: how points may move together without any residual; the "
-        "farthest of each motion by 1."
-    )
-    return table("undetermined", "Not determined", columns, about=about, inside=True)
-
-
 TABLES: tuple[Callable[[AdjustmentRecord, Rows], Table | None], ...] = (
     _observations,
     _vectors,
     _points,
     _known,
     _stations,
-    _by_type,
-    _by_station,
-    _ellipsoids,
-    _relative,
-    _components,
-    _undetermined,
+    content_quality.by_type,
+    content_quality.by_station,
+    content_quality.ellipsoids,
+    content_quality.relative,
+    content_quality.components,
+    content_quality.undetermined,
 )

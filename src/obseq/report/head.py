@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from obseq.records.record import Record
+from obseq.report.columns import Plain  # noqa: TC001  # fields are read at run time
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -61,7 +62,7 @@ class Card(Record, frozen=True):
     value: str
     unit: str = ""
     tag: tuple[str, str] | None = None
-    figure: dict[str, Any] | None = None
+    figure: Plain | None = None
     note: str = ""
     to: Place | None = None
 
@@ -112,7 +113,7 @@ class Section(Record, frozen=True):
 
     key: str
     title: str
-    charts: tuple[dict[str, Any], ...] = ()
+    charts: tuple[Plain, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     tables: tuple[str, ...] = ()
     words: tuple[tuple[str, str], ...] = ()
@@ -148,19 +149,19 @@ class Page(Record, frozen=True, omit_defaults=False):
     cards: tuple[Card, ...]
     lists: tuple[Findings, ...]
     names: list[str]
-    plan: dict[str, Any] | None
-    tables: list[dict[str, Any]]
+    plan: Plain | None
+    tables: list[Plain]
     sections: tuple[Section, ...]
     limit: float | None = None
     first: Place | None = None
 
 
-def gauge(value: float, lower: float, upper: float, level: str) -> dict[str, Any]:
+def gauge(value: float, lower: float, upper: float, level: str) -> Plain:
     """A value beside the interval where it is expected."""
     return {"kind": "gauge", "value": value, "lower": lower, "upper": upper, "level": level}
 
 
-def strip(values: Iterable[float | None], limit: float | None = None) -> dict[str, Any] | None:
+def strip(values: Iterable[float | None], limit: float | None = None) -> Plain | None:
     """Every value as a tick, the largest of many; None without any."""
     found = sorted((abs(value) for value in values if value is not None), reverse=True)
     if not found:
@@ -169,7 +170,7 @@ def strip(values: Iterable[float | None], limit: float | None = None) -> dict[st
     return {"kind": "strip", "values": ticks, "limit": limit, "more": max(0, len(found) - MOST_TICKS)}
 
 
-def shares(values: Iterable[float | None]) -> dict[str, Any]:
+def shares(values: Iterable[float | None]) -> Plain:
     """How many of some shares, from 0 to 1, lie in each tenth."""
     counts = [0] * BINS
     for value in values:
@@ -178,7 +179,7 @@ def shares(values: Iterable[float | None]) -> dict[str, Any]:
     return {"kind": "bins", "values": counts, "low": 1, "first": "0", "last": "1"}
 
 
-def share(part: int, second: int, whole: int) -> dict[str, Any]:
+def share(part: int, second: int, whole: int) -> Plain:
     """How many of a whole are bad, and how many are weak."""
     return {"kind": "share", "part": part, "second": second, "whole": whole}
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ EXACT = frozenset({"length", "angle", "observed", "count"})
 WHOLE = frozenset({"choice", "point"})
 
 
-def packed(values: Sequence[Any], quantity: str) -> object:
+def packed(values: Sequence[object], quantity: str) -> object:
     """The column as the page holds it: a list, or the bytes of numbers and their type."""
     if len(values) < LONG or quantity == "text":
         return list(values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msgspec import structs
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from obseq.records.adjustment import RunRecord
+    from obseq.report.columns import Plain
 
 MOST_OBSERVATIONS = 20_000
 """Rows that a page of a large network has; the result file has all."""
@@ -88,7 +89,7 @@ def _worst(record: AdjustmentRecord) -> list[int] | None:
     return sorted({*poor, *order[: MOST_OBSERVATIONS - len(poor)]})
 
 
-def _cut(table: dict[str, Any], kept: list[int]) -> dict[str, Any]:
+def _cut(table: Plain, kept: list[int]) -> Plain:
     """The table with some of its rows, which it says."""
     whole = len(table["columns"][0]["values"])
     columns = [item | {"values": [item["values"][k] for k in kept]} for item in table["columns"]]
@@ -138,7 +139,7 @@ def _packed(shown: Page) -> Page:
     return structs.replace(shown, tables=[_shorter(table) for table in shown.tables])
 
 
-def _shorter(table: dict[str, Any]) -> dict[str, Any]:
+def _shorter(table: Plain) -> Plain:
     columns = [item | {"values": packed(item["values"], item["quantity"])} for item in table["columns"]]
     marks = {name: packed(table[name], "choice") for name in ("angular", "unused") if name in table}
     return table | marks | {"columns": columns, "size": len(table["columns"][0]["values"])}

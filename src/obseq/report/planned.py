@@ -8,7 +8,7 @@ from msgspec import structs
 
 from obseq.printable import printable_line
 from obseq.report import adjusted, findings
-from obseq.report.columns import choice, column, field, table
+from obseq.report.columns import Plain, choice, column, field, table
 from obseq.report.head import Card, Finding, Findings, Page, Place, Verdict, counted, share, strip
 from obseq.report.page import adjustment_page, document
 from obseq.report.planning import draws_told
@@ -16,7 +16,6 @@ from obseq.report.said import bearing, name, small
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from typing import Any
 
     from obseq.records.plan import PlanRecord
 
@@ -146,7 +145,7 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
         yield Finding("info", "Draws", name(line))
 
 
-def _gains(record: PlanRecord, rows: dict[str, int]) -> dict[str, Any] | None:
+def _gains(record: PlanRecord, rows: dict[str, int]) -> Plain | None:
     found = record.gains
     if not found:
         return None

@@ -23,24 +23,23 @@ from obseq.arguments import (
 )
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, noting
-from obseq.records.diagnosis import DiagnosisRecord
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.adjustment.drawing import network_html, network_text
-from obseq.survey.adjustment.frame import Frame, area_warning, frame_of
-from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.adjustment.frame import Frame
 from obseq.survey.adjustment.quality import Quality
-from obseq.survey.by_name import chosen, robust, with_sigmas
+from obseq.survey.assembling import deflected, in_frame
+from obseq.survey.by_name import robust
 from obseq.survey.checks.both_faces import MEAN, reduced_faces
 from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
-from obseq.survey.diagnosing.without_accused import without_accused
+from obseq.survey.edited import Edited
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.own_frame import placed_in_own_frame
-from obseq.survey.initial.plan_only import with_heights_of_site, with_plans_only
+from obseq.survey.initial.plan_only import with_plans_only
 from obseq.survey.model import join
 from obseq.survey.point_file_options import PointFileOptions
 
@@ -52,6 +51,7 @@ if TYPE_CHECKING:
     from obseq.records.shown_units import ShownUnits
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
+    from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.model import FieldBook, Points
 
 MAX_ITERATIONS = 25
@@ -60,7 +60,7 @@ GIVEN = Datum()
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
+class Network(Edited):
     """Points and observations to adjust.
 
     Attributes:
@@ -82,8 +82,6 @@ class Network:
         >>> adjustment.sigma0, adjustment.points.coordinates
     """
 
-    points: Points
-    book: FieldBook
     frame: Frame
     points_crs: crs.CoordinateSystem
     phases: dict[str, float] = field(default_factory=dict)
@@ -242,24 +240,11 @@ class Network:
         Raises:
             InputError: The network has no place on the Earth, or the geoid says nothing of its points.
         """
-        given = self.points.deflections
         if not self.frame.has_place:
             raise InputError(f"{geoid}: deflections need a place on the Earth: say the system of the points")
         xyz = self.fieldwork.initial_values().coordinates
-        xyz = np.where(np.isfinite(xyz), xyz, np.nanmean(xyz, axis=0))
-        longitudes, latitudes, _ = self.frame.system.geodetic(xyz).T
-        heights, *columns = files.read_geoid(geoid).at(self.points.names, longitudes, latitudes).T
-        found = np.column_stack(columns)
-        if not np.isfinite(found).any():
-            raise InputError(f"{geoid}: gives no deflection of the vertical for any of the points")
-        deflections = np.where(np.isnan(given), found, given)
-        book = self.book
-        if not np.nan_to_num(found).any() and np.nan_to_num(heights).any():
-            book = book.warned(
-                f"{geoid}: all its deflections of the vertical are 0, and its geoid heights have no part in "
-                "these files: their heights are taken as above the ellipsoid"
-            )
-        return replace(self, points=replace(self.points, deflections=deflections), book=book)
+        points, warning = deflected(self.points, xyz, self.frame, geoid)
+        return replace(self, points=points, book=self.book.warned(*warning))
 
     def __repr__(self) -> str:
         return f"Network: {network_text(self.points, self.book, self.frame)}"
@@ -281,17 +266,7 @@ class Network:
         """The network of points in their system and of observations."""
         points, book = join(points, reduced_faces(book, faces))
         with watch.phase("coordinate systems"):
-            if points_crs is None or crs.parse(points_crs).kind is not crs.Kind.GEOCENTRIC:
-                points = with_heights_of_site(points, book)
-            computation, given = frame_of(frame, points_crs, points)
-            placed = points.has_coordinates
-            system = PointSystem(computation, given)
-            # of a point without plan, the height means something in a plane only
-            coordinates = system.parts(points.coordinates)
-            names = [points.names[row] for row in np.flatnonzero(placed)]
-            coordinates[placed] = system.placed(points.coordinates[placed], names)
-            warning = area_warning(given, points)
-        points = replace(points, coordinates=coordinates)
+            points, computation, given, warning = in_frame(points, book, frame, points_crs)
         book = book.warned(
             *([] if warning is None else [warning]), *repetitions(book), *implausible_sigmas(points, book)
         )
@@ -403,53 +378,6 @@ class Network:
         with noting(self.book.warnings):
             adjustment = robust(self.book, loss, adjusted) if loss else adjusted(self.book)
         return replace(adjustment, phases=self.phases | watch.seconds, shown=self.shown)
-
-    def without(self, *what: str, kind: str | None = None) -> Network:
-        """The network in which some observations take no part.
-
-        Args:
-            *what: Each one a sight "S6 -> P05", a point "S6" (all that name it), or a place
-                "survey.obs:185".
-            kind: Only those of this kind: "Hz", "Dist", ...
-
-        Raises:
-            InputError: No observation is called so.
-        """
-        return replace(self, book=self.book.without(chosen(self.book, what, kind)))
-
-    @expecting(kind=TEXT | NOTHING, factor=NUMBER, sigma=NUMBER | NOTHING)
-    def weights(
-        self, *what: str, kind: str | None = None, factor: float = 1.0, sigma: float | None = None
-    ) -> Network:
-        """The network in which some observations have other sigmas.
-
-        Args:
-            *what: As in `without`; none for all.
-            kind: Only those of this kind: "Hz", "Dist", ...
-            factor: What multiplies their sigmas.
-            sigma: Their sigma, m or rad, in place of what they have.
-
-        Raises:
-            InputError: No observation is called so, or a sigma is not positive.
-        """
-        if not factor > 0.0 or (sigma is not None and not sigma > 0.0):
-            raise InputError("weights: a sigma, or what multiplies it, must be positive")
-        return replace(self, book=with_sigmas(self.book, chosen(self.book, what, kind), factor, sigma))
-
-    @expecting(diagnosis=instance(DiagnosisRecord) | NOTHING)
-    def without_accused(self, diagnosis: DiagnosisRecord | None) -> Network:
-        """The network without what is accused, for a second adjustment: it says what was left out.
-
-        Observations of an error, or of a group that shares one, take no part; known coordinates are unknown.
-
-        Args:
-            diagnosis: Of an adjustment of this network (`Adjustment.diagnosis`).
-
-        Raises:
-            InputError: Nothing is accused, or it does not explain what is wrong.
-        """
-        points, book = without_accused(self.points, self.book, diagnosis)
-        return replace(self, points=points, book=book)
 
     def gross_errors(self) -> tuple[AccusedRecord, ...]:
         """What is wrong with it: where, by how much, and by which slip; the clearest first."""

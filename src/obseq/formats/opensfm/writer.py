@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from obseq.images.block import Block
     from obseq.images.camera import Camera
 
+    Plain = dict[str, Any]
+
 TERMS = ("K1", "K2", "K3", "p1", "p2")
 WRITTEN = ("reconstruction.json", "tracks.csv")
 HEAD = "OPENSFM_TRACKS_VERSION_v2\n"
@@ -47,7 +49,7 @@ def opensfm_files(solution: BundleSolution, folder: str | Path) -> dict[Path, st
     return {Path(folder) / name: text for name, text in zip(WRITTEN, texts, strict=True)}
 
 
-def _camera(camera: Camera) -> dict[str, Any]:
+def _camera(camera: Camera) -> Plain:
     given = dict(zip(camera.coefficient_names, camera.coefficients.tolist(), strict=True))
     unit = float(max(camera.width, camera.height))
     x, y = ((camera.principal_point - np.array([camera.width, camera.height]) / 2.0) / unit).tolist()
@@ -75,7 +77,7 @@ def _reconstruction(solution: BundleSolution) -> str:
         name: {"color": WHITE, "coordinates": xyz}
         for name, xyz in zip(solution.points, solution.coordinates.tolist(), strict=True)
     }
-    whole: dict[str, Any] = {
+    whole: Plain = {
         "cameras": {name: _camera(camera) for name, camera in solution.cameras.items()},
         "shots": shots,
         "points": points,

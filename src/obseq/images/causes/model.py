@@ -229,19 +229,15 @@ class BlockModel:
         columns = state.equations.free.number[np.concatenate([prior.scalars for prior in priors])]
         free = np.flatnonzero(columns >= 0)
         entries = weights[free], (free, columns[free])
+        off = np.concatenate([result.prior_residuals(prior) for prior in priors])
+        own = [diagonal(state.prior_leverages(prior)) for prior in priors]
         rows = coo_array(entries, shape=(len(weights), linear.rows.shape[1]))
         return replace(
             linear,
-            residuals=np.append(
-                linear.residuals, weights * np.concatenate([result.prior_residuals(p) for p in priors])
-            ),
+            residuals=np.append(linear.residuals, weights * off),
             rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
             whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
-            taken=csr_array(
-                block_diag(
-                    [linear.taken, *(diagonal(state.prior_leverages(p)) for p in priors)], format="csr"
-                )
-            ),
+            taken=csr_array(block_diag([linear.taken, *own], format="csr")),
         )
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
@@ -279,8 +275,6 @@ class BlockModel:
     def _lose(self, loss: Huber | GemanMcClure | None) -> None:
         for batch in self.numbering.batches:
             batch.loss = loss
-
-    # Changes
 
     def _hold(self, changes: Sequence[Change]) -> None:
         """Held parameters at the values that were given, those of changes put right."""

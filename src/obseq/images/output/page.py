@@ -283,6 +283,15 @@ def _others(record: BundleRecord, block: BlockArrays) -> Iterator[Finding]:
             "They have less than half of their weight.",
             to=Place("measures", filter="weight<0.5"),
         )
+    yield from _fit(record)
+    for failure in record.failures:
+        yield Finding("warn", "Warning", name(failure))
+    for note in record.notes:
+        yield Finding("info", "Note", name(note))
+
+
+def _fit(record: BundleRecord) -> Iterator[Finding]:
+    """The worst control point, correlation and image."""
     control = [(max(map(abs, point.residual)), k) for k, point in enumerate(record.points) if point.residual]
     if control:
         size, k = max(control)
@@ -311,10 +320,6 @@ def _others(record: BundleRecord, block: BlockArrays) -> Iterator[Finding]:
             name(f"Image {worst.name} has the largest residuals"),
             f"rms {worst.rms:.3g} px of {counted(worst.n_measures, 'image point')}.",
         )
-    for failure in record.failures:
-        yield Finding("warn", "Warning", name(failure))
-    for note in record.notes:
-        yield Finding("info", "Note", name(note))
 
 
 def _lost(title: str, items: tuple[BlockLeftOutRecord, ...], level: Level) -> Iterator[Finding]:

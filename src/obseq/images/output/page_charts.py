@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray
     from obseq.images.output.arrays import BlockArrays
     from obseq.images.output.block_record import BundleRecord, CameraRecord
+    from obseq.report.columns import Plain
 
 MOST_ARROWS = 1500
 """Arrows of a frame; of more, the longest and evenly spread ones."""
@@ -23,7 +24,7 @@ HALF = 0.5
 """Weight below which a measure says nothing of the camera."""
 
 
-def frames(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iterator[dict[str, Any]]:
+def frames(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iterator[Plain]:
     """The frames of the images with the largest residuals."""
     order = sorted(range(len(record.images)), key=lambda k: -record.images[k].rms)
     for k in order[:MOST_IMAGES]:
@@ -35,7 +36,7 @@ def frames(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Itera
         )
 
 
-def cameras(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iterator[dict[str, Any]]:
+def cameras(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iterator[Plain]:
     """Of each camera: all residuals on one frame, its correlations, the image without distortion."""
     for k, camera in enumerate(record.cameras):
         rows = np.flatnonzero(block.camera[block.image] == k)
@@ -63,7 +64,7 @@ def cameras(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iter
 
 def _frame(
     camera: CameraRecord, block: BlockArrays, rows: IntArray, marked: BoolArray, title: str, note: str
-) -> dict[str, Any]:
+) -> Plain:
     if len(rows) > MOST_ARROWS:
         rows = np.union1d(
             rows[marked[rows]], rows[np.linspace(0, len(rows) - 1, MOST_ARROWS).astype(np.intp)]
@@ -83,7 +84,7 @@ def _short(values: tuple[float | None, ...]) -> list[float | None]:
     return [None if value is None else round(value, 1) for value in values]
 
 
-def _profile(camera: CameraRecord, block: BlockArrays, rows: IntArray) -> dict[str, Any]:
+def _profile(camera: CameraRecord, block: BlockArrays, rows: IntArray) -> Plain:
     """Residuals by their distance from the principal point: their radial part, and how large they are."""
     arms, residuals = block.xy[rows] - interior(camera)[1], block.residuals[rows]
     radius = np.linalg.norm(arms, axis=1)

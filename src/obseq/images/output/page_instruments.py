@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report.columns import choice, column, element, table
+from obseq.report.columns import Plain, choice, column, element, table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.images.output.block_record import BundleRecord
 
-    Table = dict[str, Any]
-    Column = dict[str, Any]
 
-
-def instrument_tables(record: BundleRecord) -> list[Table]:
+def instrument_tables(record: BundleRecord) -> list[Plain]:
     """Check points, rigid blocks, clinometers, antennas and shutters; none of what there is not."""
     made = (
         *_check_points(record),
@@ -28,7 +25,7 @@ def instrument_tables(record: BundleRecord) -> list[Table]:
     return [item for item in made if item]
 
 
-def _check_points(record: BundleRecord) -> list[Table | None]:
+def _check_points(record: BundleRecord) -> list[Plain | None]:
     found = record.check_points
     if not found:
         return []
@@ -43,7 +40,7 @@ def _check_points(record: BundleRecord) -> list[Table | None]:
     return [table("check-points", "Check points", columns, about=about)]
 
 
-def _antennas(record: BundleRecord) -> list[Table | None]:
+def _antennas(record: BundleRecord) -> list[Plain | None]:
     found = record.antennas
     if not found:
         return []
@@ -70,7 +67,7 @@ def _antennas(record: BundleRecord) -> list[Table | None]:
     ]
 
 
-def _shutters(record: BundleRecord) -> list[Table | None]:
+def _shutters(record: BundleRecord) -> list[Plain | None]:
     found = record.shutters
     if not found:
         return []
@@ -88,7 +85,7 @@ def _shutters(record: BundleRecord) -> list[Table | None]:
     return [table("shutters", "Rolling shutters", columns)]
 
 
-def _rigid(record: BundleRecord) -> list[Table | None]:
+def _rigid(record: BundleRecord) -> list[Plain | None]:
     """Places of cameras in rigid blocks, and residuals of their exposures."""
     places = [(block, place) for block in record.rigid_blocks for place in block.places]
     exposures = [(block, item) for block in record.rigid_blocks for item in block.exposures]
@@ -113,11 +110,11 @@ def _rigid(record: BundleRecord) -> list[Table | None]:
         *_parts([item.rotation for _, item in exposures], ("rot x", "rot y", "rot z"), "small_angle"),
     ]
     about = f"In the frame of {printable_line(record.rigid_blocks[0].master)}; radians."
-    made: list[Table | None] = [table("rigid", "Rigid blocks", first, about=about)]
+    made: list[Plain | None] = [table("rigid", "Rigid blocks", first, about=about)]
     return [*made, table("exposures", "Exposures", second)] if exposures else made
 
 
-def _clinometers(record: BundleRecord) -> list[Table | None]:
+def _clinometers(record: BundleRecord) -> list[Plain | None]:
     found = record.clinometers
     if not found:
         return []
@@ -149,5 +146,5 @@ def _clinometers(record: BundleRecord) -> list[Table | None]:
     ]
 
 
-def _parts(rows: Sequence[Sequence[float] | None], names: Sequence[str], quantity: str) -> list[Column]:
+def _parts(rows: Sequence[Sequence[float] | None], names: Sequence[str], quantity: str) -> list[Plain]:
     return [element(name, quantity, rows, k) for k, name in enumerate(names)]

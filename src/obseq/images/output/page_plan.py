@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,13 +10,14 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
     from obseq.images.output.arrays import BlockArrays
     from obseq.images.output.block_record import BundleRecord
+    from obseq.report.columns import Plain
 
 CONTROL, CAMERA = 1, 8
 """Marks of points; the script of the page has the same."""
 DIGITS = 6
 
 
-def plan(record: BundleRecord, block: BlockArrays) -> dict[str, Any]:
+def plan(record: BundleRecord, block: BlockArrays) -> Plain:
     """The views, the one from above first."""
     views = _views(record, block)
     return {
@@ -36,7 +37,7 @@ def plan(record: BundleRecord, block: BlockArrays) -> dict[str, Any]:
     }
 
 
-def _views(record: BundleRecord, block: BlockArrays) -> list[dict[str, Any]]:
+def _views(record: BundleRecord, block: BlockArrays) -> list[Plain]:
     everything = np.concatenate([block.coordinates, block.centres])
     flat = everything[:, :2] - everything[:, :2].mean(axis=0)
     along = np.linalg.svd(flat, full_matrices=False)[2][0] if len(flat) > 1 else np.array([1.0, 0.0])
@@ -50,9 +51,7 @@ def _views(record: BundleRecord, block: BlockArrays) -> list[dict[str, Any]]:
     ]
 
 
-def _projected(
-    record: BundleRecord, block: BlockArrays, axes: FloatArray, everything: FloatArray
-) -> dict[str, Any]:
+def _projected(record: BundleRecord, block: BlockArrays, axes: FloatArray, everything: FloatArray) -> Plain:
     places = np.round(everything @ axes.T, DIGITS)
     padding = [None] * len(record.images)
     shifts = [

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.images.output.page_instruments import instrument_tables
 from obseq.printable import printable_line
-from obseq.report.columns import all_small, choice, column, element, table
+from obseq.report.columns import Plain, all_small, choice, column, element, table
 
 if TYPE_CHECKING:
     from obseq.images.output.block_record import BundleRecord
 
-    Table = dict[str, Any]
 
-
-def tables(record: BundleRecord) -> list[Table]:
+def tables(record: BundleRecord) -> list[Plain]:
     """Image points, points, images, parameters of cameras, instruments."""
     made = (_measures(record), _points(record), _images(record), _parameters(record))
     return [*(item for item in made if item), *instrument_tables(record)]
 
 
-def _measures(record: BundleRecord) -> Table | None:
+def _measures(record: BundleRecord) -> Plain | None:
     found, tests = record.residuals, record.reliability
     if not found.image:
         return None
@@ -91,7 +89,7 @@ def _length(record: BundleRecord) -> dict[str, str]:
     return {} if any(point.kind == "control" for point in record.points) else {"unit": "world units"}
 
 
-def _points(record: BundleRecord) -> Table | None:
+def _points(record: BundleRecord) -> Plain | None:
     found, unit = record.points, _length(record)
     if not found:
         return None
@@ -131,7 +129,7 @@ def _points(record: BundleRecord) -> Table | None:
     )
 
 
-def _images(record: BundleRecord) -> Table | None:
+def _images(record: BundleRecord) -> Plain | None:
     found = record.images
     columns = [
         column("image", "point", (len(record.points) + k for k in range(len(found)))),
@@ -166,7 +164,7 @@ def _images(record: BundleRecord) -> Table | None:
     return table("images", "Images", columns, order="rms", hint="rms>0.5") if found else None
 
 
-def _parameters(record: BundleRecord) -> Table:
+def _parameters(record: BundleRecord) -> Plain:
     rows = [(camera, parameter) for camera in record.cameras for parameter in camera.parameters]
     states = ["held" if parameter.sigma == 0.0 else "estimated" for _, parameter in rows]
     columns = [

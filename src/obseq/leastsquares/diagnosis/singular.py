@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import SingularSystemError
+from obseq.errors import UNRESOLVED, SingularSystemError
 from obseq.leastsquares.diagnosis.null_space import TAKES_PART, free_movements
 
 if TYPE_CHECKING:
@@ -35,7 +35,10 @@ def singular_error(
     table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, solver: Solver
 ) -> SingularSystemError:
     """The error for a normal matrix with vanishing pivots, which names what they leave undetermined."""
-    return undetermined_error(table, free, pattern, solver.null_vectors(), solver.defect().indices)
+    lost = solver.defect().indices
+    if not lost.size:
+        return SingularSystemError(UNRESOLVED)
+    return undetermined_error(table, free, pattern, solver.null_vectors(), lost)
 
 
 def undetermined_error(

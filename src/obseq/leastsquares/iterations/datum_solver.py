@@ -74,7 +74,10 @@ class Border:
 
         count = datum.shape[1]
         of_datum, of_held = np.split(solver.solve(np.hstack([datum, held])), [count], axis=1)
-        root = cholesky(datum.T @ of_datum, lower=True)
+        try:
+            root = cholesky(datum.T @ of_datum, lower=True)
+        except np.linalg.LinAlgError:  # rounding: M^-1 C has columns that it cannot tell apart
+            raise _unresolved() from None
         first = solve_triangular(root, of_datum.T, lower=True).T
         last = of_held - first @ (first.T @ held)
         inner = _released(held.T @ last, last, seen)
@@ -100,8 +103,13 @@ def _released(kept: FloatArray, directions: FloatArray, seen: Seen | None) -> Fl
         rows = seen(directions @ (turned[:, weak] / np.sqrt(shares[weak])))
         rest[np.ix_(weak, weak)] = rows.T @ rows
     if not np.linalg.eigvalsh(rest).min(initial=1.0) > 0.0:
-        raise SingularMatrixError(np.zeros(0, np.int64), np.zeros(0))
+        raise _unresolved()
     return np.asarray(turned @ np.linalg.inv(rest) @ turned.T)
+
+
+def _unresolved() -> SingularMatrixError:
+    """Of a matrix whose digits do not suffice to release what is held: no single unknown is to blame."""
+    return SingularMatrixError(np.zeros(0, np.int64), np.zeros(0))
 
 
 def _nothing(n: int) -> tuple[FloatArray, FloatArray]:

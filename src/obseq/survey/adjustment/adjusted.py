@@ -15,13 +15,11 @@ from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
 from obseq.records.adjustment import (
     AdjustmentRecord,
-    ConstraintRecord,
     EllipseRecord,
     IterationRecord,
     ObservationRecord,
     PhaseRecord,
     PointRecord,
-    StationRecord,
     defined,
 )
 from obseq.records.shown_units import METRIC, ShownUnits
@@ -31,20 +29,19 @@ from obseq.survey.adjustment.adjusted_records import (
     by_setup,
     by_type,
     columns_of,
+    constraint_records,
     ellipsoids,
-    finite_number,
     global_test_record,
     known_letters,
     moves,
+    reliability_columns,
     roots_of_diagonals,
     unused_azimuths,
 )
 from obseq.survey.adjustment.joint_groups import joint_records
-from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.adjustment.point_covariances import covariance_of
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -64,6 +61,7 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.doubtful import Doubtful
     from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
+    from obseq.survey.adjustment.plotting import Axes
     from obseq.survey.initial.approximations import Replaced
     from obseq.survey.initial.left_out import LeftOut
     from obseq.survey.model import FieldBook
@@ -216,9 +214,9 @@ class Adjustment:
             points_crs_height_unit=self.points_crs_units[1].name,
             points_crs_is_angular=self.points_crs_units[0].is_angle,
             points=tuple(self._points()),
-            stations=tuple(self._stations()),
+            stations=self.stations.records(),
             observations=tuple(self._observations()),
-            constraints=tuple(self._constraints()),
+            constraints=constraint_records(self.points.points, self.known, self.quality.known),
             warnings=(*boundary.failures, *self.warnings),
             notes=self.notes,
             left_out=tuple(item.record() for item in self.left_out),
@@ -316,7 +314,7 @@ class Adjustment:
         block = self.covariance(name)[None]
         return next(iter(ellipse_records(ellipses_of((name,), block, level, redundancy))))
 
-    def plot(self, level: float | None = 0.95, residuals: bool = False, axes: Any = None) -> Any:
+    def plot(self, level: float | None = 0.95, residuals: bool = False, axes: Axes = None) -> Axes:
         """Draws the plan with matplotlib: points, sights, error ellipses; gives the axes.
 
         Args:
@@ -353,32 +351,6 @@ class Adjustment:
 
         return adjustment_html(self.record())
 
-    def _stations(self) -> Iterator[StationRecord]:
-        stations = self.stations
-        for origin, status, g0 in zip(
-            stations.origins, stations.orientations, stations.g0.tolist(), strict=True
-        ):
-            yield StationRecord(origin, Orientation(status).keyword, g0)
-
-    def _constraints(self) -> Iterator[ConstraintRecord]:
-        points, known, quality = self.points.points, self.known, self.quality.known
-        for k, (row, component) in enumerate(
-            zip(known.points.tolist(), known.components.tolist(), strict=True)
-        ):
-            sigma, residual = float(known.sigmas[k]), float(known.residuals[k])
-            yield ConstraintRecord(
-                point=points.names[row],
-                coordinate=COMPONENTS[component],
-                value=float(known.values[k]),
-                sigma=sigma,
-                residual=residual,
-                normalised_residual=residual / sigma,
-                file=points.files[points.file_indices[row]] if points.file_indices[row] >= 0 else "",
-                line=int(points.lines[row]),
-                redundancy=None if quality is None else finite_number(quality.redundancy[k]),
-                standardised_residual=None if quality is None else finite_number(quality.standardised[k]),
-            )
-
     def _observations(self) -> Iterator[ObservationRecord]:
         book, rows = self.book, self.book.observations
         columns = zip(
@@ -396,7 +368,7 @@ class Adjustment:
             rows.backsights.tolist(),
             strict=True,
         )
-        numbers, rejected = self._reliability_columns(), self.quality.rejected.tolist()
+        numbers, rejected = reliability_columns(self.quality.observations), self.quality.rejected.tolist()
         effects, azimuths = self.quality.effects, unused_azimuths(book, self.stations.g0)
         for k, row in enumerate(columns):
             code, origin, target, value, sigma, residual, normalised, adjusted, *rest = row
@@ -421,17 +393,3 @@ class Adjustment:
                 azimuth=azimuths.get(k),
                 **{name: column[k] for name, column in numbers.items()},
             )
-
-    def _reliability_columns(self) -> dict[str, list[Any]]:
-        """Fields of observations that say how reliable they are, if that was asked for."""
-        numbers = self.quality.observations
-        if numbers is None:
-            return {}
-        return {
-            "redundancy": defined(numbers.redundancy),
-            "standardised_residual": defined(numbers.standardised),
-            "tau": defined(numbers.tau),
-            "detectable": defined(numbers.detectable),
-            "external": defined(numbers.external),
-            "blunder": defined(numbers.blunder),
-        }

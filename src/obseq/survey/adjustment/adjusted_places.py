@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.records.adjustment import PointRecord
+from obseq.records.adjustment import PointRecord, StationRecord
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -95,3 +96,8 @@ class AdjustedStations:
     orientations: NDArray[np.int8]
     g0: FloatArray
     rotations: FloatArray
+
+    def records(self) -> tuple[StationRecord, ...]:
+        """Their entries in the record."""
+        columns = zip(self.origins, self.orientations, self.g0.tolist(), strict=True)
+        return tuple(StationRecord(origin, Orientation(status).keyword, g0) for origin, status, g0 in columns)

@@ -12,6 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.records.adjustment import (
+    ConstraintRecord,
     EllipsoidRecord,
     GlobalTestRecord,
     OperationRecord,
@@ -19,6 +20,7 @@ from obseq.records.adjustment import (
     StatisticsRecord,
     defined,
 )
+from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 
 if TYPE_CHECKING:
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.crs import CoordinateSystem
     from obseq.leastsquares import LeastSquaresResult
+    from obseq.survey.adjustment.adjusted_quality import ReliabilityNumbers
+    from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points
 
 _LEAST_REDUNDANCY = 1e-6
@@ -233,3 +237,40 @@ def roots_of_diagonals(covariances: FloatArray) -> list[tuple[float, ...]]:
 def finite_number(value: float) -> float | None:
     """The number as a record holds it: None where it is not finite."""
     return float(value) if np.isfinite(value) else None
+
+
+def constraint_records(
+    points: Points, known: CoordinateResiduals, quality: ReliabilityNumbers | None
+) -> tuple[ConstraintRecord, ...]:
+    """How the known coordinates fit."""
+    return tuple(
+        ConstraintRecord(
+            point=points.names[row],
+            coordinate=COMPONENTS[component],
+            value=float(known.values[k]),
+            sigma=float(known.sigmas[k]),
+            residual=float(known.residuals[k]),
+            normalised_residual=float(known.residuals[k]) / float(known.sigmas[k]),
+            file=points.files[points.file_indices[row]] if points.file_indices[row] >= 0 else "",
+            line=int(points.lines[row]),
+            redundancy=None if quality is None else finite_number(quality.redundancy[k]),
+            standardised_residual=None if quality is None else finite_number(quality.standardised[k]),
+        )
+        for k, (row, component) in enumerate(
+            zip(known.points.tolist(), known.components.tolist(), strict=True)
+        )
+    )
+
+
+def reliability_columns(numbers: ReliabilityNumbers | None) -> dict[str, list[float | None]]:
+    """Fields of observations that say how reliable they are, if that was asked for."""
+    if numbers is None:
+        return {}
+    return {
+        "redundancy": defined(numbers.redundancy),
+        "standardised_residual": defined(numbers.standardised),
+        "tau": defined(numbers.tau),
+        "detectable": defined(numbers.detectable),
+        "external": defined(numbers.external),
+        "blunder": defined(numbers.blunder),
+    }

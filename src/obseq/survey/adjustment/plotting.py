@@ -11,6 +11,7 @@ from obseq.errors import MissingPackageError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 
 if TYPE_CHECKING:
+    Axes = Any  # of matplotlib, an extra
     from obseq.arrays import FloatArray
     from obseq.survey.adjustment.adjusted_places import AdjustedPoints
     from obseq.survey.model import FieldBook
@@ -26,8 +27,8 @@ def plan(
     book: FieldBook,
     normalised: FloatArray | None,
     shape: tuple[float | None, int | None],
-    axes: Any,
-) -> Any:
+    axes: Axes,
+) -> Axes:
     """Draws points, sights and ellipses; gives the axes of matplotlib.
 
     Args:
