@@ -162,7 +162,7 @@ class Adjustment:
         sigma: ArrayLike,
         group: str | None = None,
         loss: Loss | str | None = None,
-        **named: Any,
+        **named: object,
     ) -> int:
         """Adds observations of a formula of the catalogue, or of one's own, by the names of its arguments.
 
