@@ -43,3 +43,32 @@ def test_what_nothing_determines_is_drawn_and_switched(tmp_path, browser) -> Non
     browser.execute_script("document.querySelector(arguments[0]).click()", box)
     assert not any(browser.execute_script(colours))
     assert browser.get_log("browser") == []
+
+
+SHIFT = (
+    "const { sights } = page.plan; const [isForward, sense] = arguments;"
+    "const own = [...sights.types.keys()].find((k) => sights[sense].has(k));"
+    "const kept = [sights.residual, sights.typeOf];"
+    "Object.assign(sights, { residual: { values: [0.01] }, typeOf: [own] });"
+    "const pair = { a: 0, b: 1, rows: [0], isForward: [isForward] };"
+    "const found = sights.shift(pair, [0, 0], [0, 100]);"
+    "Object.assign(sights, { residual: kept[0], typeOf: kept[1] }); return found"
+)
+"""The residual of 0.01 of one observation between a point and another, 100 m to the north of it."""
+
+
+@pytest.mark.parametrize(
+    ("is_forward", "sense", "expected"),
+    [
+        (True, "aside", (1.0, 0.0)),  # a sight to the north turns to the east
+        (False, "aside", (-1.0, 0.0)),  # one to the south to the west
+        (True, "ahead", (0.0, 0.01)),
+        (False, "ahead", (0.0, -0.01)),
+    ],
+)
+def test_residuals_lie_as_their_observations_do(tmp_path, browser, is_forward, sense, expected) -> None:
+    """Computed minus observed: directions count clockwise, distances from where they are observed."""
+    path = tmp_path / "demo.html"
+    path.write_text(page(demo().adjust().record()), encoding="utf-8")
+    browsing.opened(browser, path)
+    assert browser.execute_script(SHIFT, is_forward, sense) == pytest.approx(expected)

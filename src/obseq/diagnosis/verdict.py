@@ -73,8 +73,3 @@ class Verdict:
     reason: str = ""
     remarks: tuple[Accusation, ...] = ()
     many: int = 0
-
-    @property
-    def is_honest(self) -> bool:
-        """Whether nothing is wrong."""
-        return self.status is Status.ACCEPTED
