@@ -357,7 +357,7 @@ def test_messages_name_what_to_write(site: Path, capsys) -> None:
     said = capsys.readouterr().err
     assert "a number with its unit (sec, arcsec, cc, mgon, gon, deg, rad) is needed" in said
     assert main(["adjust", "--sigmas", "distance=2mm", "a.dat"]) == 2
-    assert "give a project (before options that take several values)" in capsys.readouterr().err
+    assert "What to adjust? Files of observations and of points" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("strategy", ["gauss-newton", "levenberg-marquardt", "dogleg", "qr"])

@@ -6,7 +6,8 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from copy import copy
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
@@ -15,11 +16,23 @@ from obseq.writing import STANDARD_OUTPUT
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 CHOICE = re.compile(r"invalid choice: '?(?P<word>[^' ]+)'? \(choose from (?P<known>.*)\)")
 """What argparse says of a word that is none of those it takes."""
+CLAUSE = re.compile(r" \(|[;:.] |, for instance")
+"""What ends the first clause of a help."""
+CANNOT_RUN = 2
+"""Exit code of a line that is wrong."""
 Run = Callable[[argparse.Namespace], int]
 
 
 def add_command(
-    commands: Commands, name: str, run: Run, purpose: str, more: str = "", example: str | None = None
+    commands: Commands,
+    name: str,
+    run: Run,
+    purpose: str,
+    more: str = "",
+    example: str | None = None,
+    *,
+    exits: str = "",
+    common: Collection[str] = (),
 ) -> argparse.ArgumentParser:
     """Add a subcommand.
 
@@ -30,16 +43,33 @@ def add_command(
         purpose: Its line in the list of commands, and the beginning of its help.
         more: The rest of the description.
         example: What ends its help.
+        exits: What its exit codes mean, of a command with `common` arguments.
+        common: The arguments that `--help` shows, the others are shown by `--help-all`; none for all.
     """
     command: argparse.ArgumentParser = commands.add_parser(
         name,
         help=purpose,
         description=f"{purpose[0].upper()}{purpose[1:]}.\n{more}",
-        epilog=example,
+        epilog=f"{example}\n\n{exits}" if exits else example,
+        usage=f"obseq {name} FILES [options]" if common else None,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.set_defaults(run=run)
+    command.add_argument(
+        "--help-all", action=HelpAll, help="show all options" if common else argparse.SUPPRESS
+    )
+    if isinstance(command, CommandParser):
+        command.common, command.example = frozenset(common), example or ""
     return command
+
+
+class HelpAll(argparse._HelpAction):
+    """What shows all that a command takes, and ends."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> NoReturn:
+        """Print it."""
+        print(argparse.ArgumentParser.format_help(parser), end="")
+        parser.exit()
 
 
 class Given(argparse.Action):
@@ -60,14 +90,17 @@ class Given(argparse.Action):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that says what a misspelt word may have been."""
+    """A parser that says in one line what is wrong, and what a misspelt word may have been."""
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the line, and end."""
         choice = CHOICE.search(message)
         if choice:
-            message += _meant(choice["word"], [name.strip("' ") for name in choice["known"].split(",")])
-        super().error(message)
+            known = [name.strip("' ") for name in choice["known"].split(",")]
+            if "COMMAND" in message:
+                message = f"no command {choice['word']} ({self.prog} --help lists them)"
+            message += meant(choice["word"], known)
+        self.exit(CANNOT_RUN, f"{self.prog}: {message}\n")
 
 
 class CommandParser(Parser):
@@ -78,6 +111,8 @@ class CommandParser(Parser):
     forgets all values but the last ones; here they add up.
     """
 
+    common: frozenset[str] = frozenset()
+    example = ""
     _is_intermixed = False
 
     def __init__(self, **options: Any) -> None:
@@ -88,6 +123,23 @@ class CommandParser(Parser):
         """Take a word that says what follows it: it stands in its place."""
         self._is_intermixed = True
         return super().add_subparsers(**options)
+
+    def format_help(self) -> str:
+        """The help; of a command with common arguments, what fits on a screen."""
+        if not self.common:
+            return super().format_help()
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        for text in (self.description, self.example):
+            formatter.add_text(text)
+        chosen = [copy(item) for item in self._actions if item.dest in self.common]
+        for item in chosen:
+            item.help = item.help and CLAUSE.split(item.help)[0]
+        formatter.start_section("often used")
+        formatter.add_arguments(chosen)
+        formatter.end_section()
+        formatter.add_text(f"All options: {self.prog} --help-all. Exit codes: obseq help exit-codes.")
+        return formatter.format_help()
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse options first, then what is left; an option that is not known ends it."""
@@ -100,15 +152,15 @@ class CommandParser(Parser):
             self._is_intermixed = False
         unknown = [word.partition("=")[0] for word in rest if word.startswith("--")]
         if unknown:
-            options = re.findall(r"--[\w-]+", self.format_usage())
-            self.error(f"there is no option {unknown[0]}{_meant(unknown[0], options)}")
+            self.error(f"there is no option {unknown[0]}{meant(unknown[0], self._option_string_actions)}")
         return found, rest
 
 
-def _meant(word: str, known: Iterable[str]) -> str:
+def meant(word: str, known: Iterable[str]) -> str:
     """What a misspelt word may have been, as the end of a sentence; nothing where no known one is near."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"; did you mean {near[0]}?" if near else ""
+    folded = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), folded, n=1, cutoff=0.6)
+    return f"; did you mean {folded[near[0]]}?" if near else ""
 
 
 def output_file(text: str) -> Path:
