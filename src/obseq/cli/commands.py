@@ -80,8 +80,8 @@ class TopParser(Parser):
 
     def purposes(self, group: str) -> dict[str, str]:
         """The commands of a group, and what each does."""
-        told = {item.dest: item.help or "" for item in self.commands._choices_actions}
-        return {name: told[name] for name in chain(*GROUPS[group].values())}
+        found = self.commands.choices
+        return {name: found[name].purpose for name in chain(*GROUPS[group].values())}
 
 
 @cache

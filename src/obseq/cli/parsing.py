@@ -8,12 +8,13 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from copy import copy
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from obseq.writing import STANDARD_OUTPUT
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Commands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 CHOICE = re.compile(r"invalid choice: '?(?P<word>[^' ]+)'? \(choose from (?P<known>.*)\)")
 """What argparse says of a word that is none of those it takes."""
 CLAUSE = re.compile(r" \(|[;:.] |, for instance")
@@ -33,7 +34,7 @@ def add_command(
     *,
     exits: str = "",
     common: Collection[str] = (),
-) -> argparse.ArgumentParser:
+) -> "CommandParser":
     """Add a subcommand.
 
     Args:
@@ -46,11 +47,11 @@ def add_command(
         exits: What its exit codes mean, of a command with `common` arguments.
         common: The arguments that `--help` shows, the others are shown by `--help-all`; none for all.
     """
-    command: argparse.ArgumentParser = commands.add_parser(
+    command = commands.add_parser(
         name,
         help=purpose,
-        description=f"{purpose[0].upper()}{purpose[1:]}.\n{more}",
-        epilog=f"{example}\n\n{exits}" if exits else example,
+        description=f"{purpose[0].upper()}{purpose[1:]}.\n{more}" + (f"\n\n{example}" if common else ""),
+        epilog=exits if common else example,
         usage=f"obseq {name} FILES [options]" if common else None,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -58,8 +59,7 @@ def add_command(
     command.add_argument(
         "--help-all", action=HelpAll, help="show all options" if common else argparse.SUPPRESS
     )
-    if isinstance(command, CommandParser):
-        command.common, command.example = frozenset(common), example or ""
+    command.purpose, command.common = purpose, frozenset(common)
     return command
 
 
@@ -89,6 +89,36 @@ class Given(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
+class Screen(argparse.RawDescriptionHelpFormatter):
+    """Shows some arguments only, in one list, each with the first clause of its help."""
+
+    def __init__(self, prog: str, *, common: Collection[str] = ()) -> None:
+        super().__init__(prog)
+        self.common, self.is_open = common, False
+
+    def start_section(self, heading: str | None) -> None:
+        """Begin the list with the first section."""
+        if not self.is_open:
+            super().start_section("often used")
+        self.is_open = True
+
+    def end_section(self) -> None:
+        """Go on: the next section stands in the same list."""
+
+    def add_text(self, text: str | None) -> None:
+        """Add a text; that after the list ends it."""
+        if text and self.is_open:
+            super().end_section()
+        super().add_text(text)
+
+    def add_argument(self, action: argparse.Action) -> None:
+        """Show an argument, if it is a common one."""
+        if action.dest in self.common:
+            shown = copy(action)
+            shown.help = action.help and CLAUSE.split(action.help)[0]
+            super().add_argument(shown)
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that says in one line what is wrong, and what a misspelt word may have been."""
 
@@ -111,8 +141,8 @@ class CommandParser(Parser):
     forgets all values but the last ones; here they add up.
     """
 
+    purpose = ""
     common: frozenset[str] = frozenset()
-    example = ""
     _is_intermixed = False
 
     def __init__(self, **options: Any) -> None:
@@ -128,18 +158,13 @@ class CommandParser(Parser):
         """The help; of a command with common arguments, what fits on a screen."""
         if not self.common:
             return super().format_help()
-        formatter = self._get_formatter()
-        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
-        for text in (self.description, self.example):
-            formatter.add_text(text)
-        chosen = [copy(item) for item in self._actions if item.dest in self.common]
-        for item in chosen:
-            item.help = item.help and CLAUSE.split(item.help)[0]
-        formatter.start_section("often used")
-        formatter.add_arguments(chosen)
-        formatter.end_section()
-        formatter.add_text(f"All options: {self.prog} --help-all. Exit codes: obseq help exit-codes.")
-        return formatter.format_help()
+        whole = self.formatter_class, self.epilog
+        self.formatter_class = partial(Screen, common=self.common)
+        self.epilog = f"All options: {self.prog} --help-all. Exit codes: obseq help exit-codes."
+        try:
+            return super().format_help()
+        finally:
+            self.formatter_class, self.epilog = whole
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse options first, then what is left; an option that is not known ends it."""
@@ -152,7 +177,8 @@ class CommandParser(Parser):
             self._is_intermixed = False
         unknown = [word.partition("=")[0] for word in rest if word.startswith("--")]
         if unknown:
-            self.error(f"there is no option {unknown[0]}{meant(unknown[0], self._option_string_actions)}")
+            options = re.findall(r"--[\w-]+", argparse.ArgumentParser.format_help(self))
+            self.error(f"there is no option {unknown[0]}{meant(unknown[0], options)}")
         return found, rest
 
 
