@@ -46,11 +46,15 @@ LOOPS = {
     ),
     "obseq.leastsquares.loops.leverages": ("leverages",),
     "obseq.leastsquares.loops.schur_complement": (
-        "body_pairs",
         "eliminate",
+        "join_bodies",
+        "list_neighbours",
+        "place_bodies",
         "substitute_back",
         "subtract_sums",
+        "write_links",
     ),
+    "obseq.leastsquares.loops.sorting": ("count_numbers", "number_pairs", "put_in_order"),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),
     "obseq.leastsquares.solvers.dense_loops": (
         "factor_columns",
