@@ -45,14 +45,16 @@ LOOPS = {
         "pattern_rows",
     ),
     "obseq.leastsquares.loops.leverages": ("leverages",),
-    "obseq.leastsquares.loops.schur_complement": (
-        "eliminate",
+    "obseq.leastsquares.loops.neighbours": (
         "join_bodies",
         "list_neighbours",
         "place_bodies",
+        "write_links",
+    ),
+    "obseq.leastsquares.loops.schur_complement": (
+        "eliminate",
         "substitute_back",
         "subtract_sums",
-        "write_links",
     ),
     "obseq.leastsquares.loops.sorting": ("count_numbers", "number_pairs", "put_in_order"),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),

@@ -161,7 +161,7 @@ def _pairs(
         heights: (n_bodies,) lengths of the rows of bodies.
         width: (n_bodies,) their unknowns.
     """
-    from obseq.leastsquares.loops.schur_complement import join_bodies, place_bodies
+    from obseq.leastsquares.loops.neighbours import join_bodies, place_bodies
 
     n = len(heights)
     used_by = bounds, slots, group, *sorted_by(as_indices(slots), n)

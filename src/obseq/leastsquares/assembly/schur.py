@@ -140,7 +140,7 @@ def _met(
     table: UnknownTable, pairs: BlockPairs, group: IndexArray, n_groups: int
 ) -> tuple[Met, IntRows, IntArray]:
     """What the groups meet, and their links with their bounds; `group` (n_blocks,) is -1 for other blocks."""
-    from obseq.leastsquares.loops.schur_complement import list_neighbours, write_links
+    from obseq.leastsquares.loops.neighbours import list_neighbours, write_links
 
     of_group, other = np.empty((2, len(pairs.rows)), dtype=np.int32)
     list_neighbours(pairs.rows, pairs.columns, group, of_group, other)
