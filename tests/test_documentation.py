@@ -38,6 +38,15 @@ BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL
 LINK = re.compile(r"\]\((?!https?:)([^)#]+)")
 COMMAND = re.compile(r"^(?:\.venv/bin/)?obseq (.*)$", re.MULTILINE)
 SHOWN = "class TopoHz"
+RUN = ("python", "sh")
+MORE = re.compile(
+    r"^\s*(?:from|import) (?:sympy|matplotlib|pandas|pyogrio|rasterio|ezdxf|jax|PIL)\b"
+    r"|^\s*(?:from|import) obseq\.(?:formulas|codegen)\b"
+    r"|^\s*(?:gencode|pytest|python tools|ruff|mypy)\b|^[^#\n]*\.(?:plot|frame)\(|\.(?:gpkg|kml|dxf)\b",
+    re.MULTILINE,
+)
+"""What the extras are for, and what only a checkout has."""
+SAYS_SO = re.compile(r"# (?:needs obseq\[\w+\]|in a checkout)")
 LOCAL_POINTS = "1 PtA 0 0 10 0.001\n0 PtB 10 0 10\n0 PtC 10 10 10\n1 PtD 0 -10 10 0.001\n"
 AERIAL = {
     "flight.opk": "A 700000 6600000 1500 0 0 0 c\nB 700400 6600000 1500 0 0 0 c\n",
@@ -116,6 +125,16 @@ def test_examples_run(page: Path, project: Path) -> None:
 def test_no_page_has_examples_that_nothing_runs() -> None:
     with_code = {page for page in PAGES for language, _, _ in blocks(page) if language == "python"}
     assert {page.name for page in with_code - set(WITH_EXAMPLES)} == OF_ROOMS
+
+
+def test_blocks_that_need_more_than_the_set_up_say_so_in_their_first_line() -> None:
+    """The README's set-up installs what runs; extras, and the tools of a checkout, are something else."""
+    more = [
+        text for page in PAGES for language, _, text in blocks(page) if language in RUN and MORE.search(text)
+    ]
+    assert len(more) > 5
+    silent = [text for text in more if not SAYS_SO.match(text)]
+    assert silent == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

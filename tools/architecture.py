@@ -56,7 +56,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
         "reading",
     ),
     "formats": ("survey", "images", "kernels", "geometry", "crs", "records", "reading"),
-    "joint": ("images", "survey", "leastsquares", "kernels"),
+    "joint": ("images", "survey", "leastsquares", "kernels", "records", "report"),
     "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
     "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry", "reading"),
     "cli": (
@@ -126,6 +126,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "epochs": ("adjustment", "initial", "model"),
         "planning": ("network", "adjustment", "initial", "model", "kinds"),
         "maps": (),
+        "drawings": ("maps",),
     },
     "formats": {
         "columns": (),

@@ -1,6 +1,6 @@
-"""Write the reference page of `obseq.survey` from its docstrings: `python tools/reference.py`.
+"""Write the reference pages of `obseq.survey` and `obseq.images`: `python tools/reference.py`.
 
-The page is checked by the tests, so that it says what the code says.
+The pages are checked by the tests, so that they say what the code says.
 """
 
 import dataclasses
@@ -8,28 +8,40 @@ import inspect
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import obseq.formats.tables.in_memory as tables
+import obseq.images
 import obseq.survey
+from obseq.records.table import Table
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference-survey.md"
-METHODS = {"Network", "Adjustment"}
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+METHODS = {"Network", "Adjustment", "BundleAdjustment", "BundleSolution", "Table"}
 """Classes whose methods are listed too."""
 
 
-def page() -> str:
-    """The text of the page."""
+def pages() -> dict[Path, str]:
+    """The texts of the pages."""
+    made = {f"tables.{name}": getattr(tables, name) for name in ("points_of", "observations_of")}
+    return {
+        DOCS / "reference-survey.md": page(obseq.survey, "Metres and radians", made | {"Table": Table}),
+        DOCS / "reference-images.md": page(
+            obseq.images, "Pixels, any one length unit for the world, and radians", {"Table": Table}
+        ),
+    }
+
+
+def page(room: ModuleType, units: str, others: dict[str, Any]) -> str:
+    """The text of the page of a room, with things of other places."""
     parts = [
-        "# The Python interface of `obseq.survey`",
+        f"# The Python interface of `{room.__name__}`",
         "<!-- Written by tools/reference.py from the docstrings. -->",
-        "Metres and radians. Every name is imported from `obseq.survey` unless another place is given. "
-        "(Reference.)",
+        f"{units}. Every name is imported from `{room.__name__}` unless another place is given. (Reference.)",
     ]
-    for name in sorted(obseq.survey.__all__):
-        parts += entry(name, getattr(obseq.survey, name), 2)
-    for name in ("points_of", "observations_of"):
-        parts += entry(f"tables.{name}", getattr(tables, name), 2)
+    found = {name: getattr(room, name) for name in sorted(room.__all__)}
+    for name, what in (found | others).items():
+        parts += entry(name, what, 2)
     return "\n\n".join(parts) + "\n"
 
 
@@ -42,8 +54,13 @@ def entry(name: str, what: Any, depth: int) -> Iterator[str]:
     yield _text(inspect.getdoc(what) or "")
     if name in METHODS:
         for method, found in inspect.getmembers(what, _is_listed):
-            if method in vars(what) and not method.startswith("_"):
+            if not method.startswith("_") and _is_ours(what, method):
                 yield from entry(f"{name}.{method}", getattr(found, "fget", found), depth + 1)
+
+
+def _is_ours(what: type, method: str) -> bool:
+    """Whether a class of ours says what a method is."""
+    return any(method in vars(kind) and kind.__module__.startswith("obseq.") for kind in what.__mro__)
 
 
 def _is_listed(member: Any) -> bool:
@@ -83,4 +100,5 @@ def _text(docstring: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")

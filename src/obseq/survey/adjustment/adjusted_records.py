@@ -24,7 +24,7 @@ from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.crs import CoordinateSystem
@@ -211,12 +211,6 @@ def place_records(points: Points) -> list[PointRecord]:
         PointRecord(points.names[row], *points.coordinates[row].tolist(), **unknown)
         for row in np.flatnonzero(points.has_coordinates).tolist()
     ]
-
-
-def columns_of(records: Sequence[Mapping[str, object]]) -> dict[str, list[Any]]:
-    """Plain records as columns: all keys that any has, None where one lacks it."""
-    names = list(dict.fromkeys(name for record in records for name in record))
-    return {name: [record.get(name) for record in records] for name in names}
 
 
 def global_test_record(solution: LeastSquaresResult) -> GlobalTestRecord | None:
