@@ -196,7 +196,7 @@ def test_what_type_checkers_are_told_of_tables_is_true(asked, record, others):
     kinds, promised = kinds_of_tables(record) | others, 0
     for overload in get_overloads(asked.table):
         hint = overload.__annotations__
-        for name in re.findall(r'"(\w+)"', hint["name"]):
+        for name in re.findall(r"'(\w+)'", hint["name"]):
             assert hint["return"] == f"Table[{kinds[name].__name__}]"
             promised += 1
     assert promised >= 4

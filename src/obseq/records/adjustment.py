@@ -39,7 +39,7 @@ from obseq.records.quality import (
 )
 from obseq.records.record import Record, from_plain, to_plain
 from obseq.records.shown_units import METRIC, ShownUnits
-from obseq.records.table import Table, table_of
+from obseq.records.table import AnyTable, table_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -332,7 +332,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         is_whole = not self.left_out and not self.unused and not self.rejections
         return self.converged and is_whole and is_clean and not self.failures
 
-    def table(self, name: str = "points") -> Table[Any]:
+    def table(self, name: str = "points") -> AnyTable:
         """One of its lists as a table; see `obseq.records.table`."""
         return table_of(self, name)
 

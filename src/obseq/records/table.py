@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -103,7 +103,10 @@ class Table(Mapping[str, Cells], Generic[Row]):
         return self._fields[column]
 
 
-def table_of(record: Record, name: str) -> Table[Any]:
+AnyTable: TypeAlias = "Table[Any]"
+
+
+def table_of(record: Record, name: str) -> AnyTable:
     """One list of a record.
 
     Args:
@@ -126,7 +129,7 @@ def kinds_of_tables(kind: type[Record]) -> dict[str, type[Record]]:
     return {name: row for name, row in found.items() if row is not None}
 
 
-def _row_of(hint: Any) -> type[Record] | None:
+def _row_of(hint: object) -> type[Record] | None:
     """What a tuple of any length holds, where these are records."""
     parts = (hint, *get_args(hint))
     rows = [get_args(part)[0] for part in parts if get_origin(part) is tuple]

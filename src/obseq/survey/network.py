@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -359,7 +359,8 @@ class Network(Edited):
             InputError: Something in the input makes the adjustment impossible.
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
-        datum_chosen = self.datum if datum is None else Datum(datum) if isinstance(datum, str) else datum
+        wanted = Datum(cast("DatumKind", datum)) if isinstance(datum, str) else datum
+        datum_chosen = wanted or self.datum
         watch = Stopwatch(progress)
         computation = Computation(
             self.frame,

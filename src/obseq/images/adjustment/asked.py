@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Literal, cast, overload
 
 import numpy as np
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.equations import Equations
-    from obseq.images.adjustment.solution import MeasureResiduals
+    from obseq.images.adjustment.solution import BundleSolution, MeasureResiduals
     from obseq.images.adjustment.start import Start
     from obseq.images.output.block_record import (
         BlockPointRecord,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares import LeastSquaresResult
     from obseq.records.adjustment import EllipseRecord
     from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
-    from obseq.records.table import Table
+    from obseq.records.table import AnyTable, Table
     from obseq.survey.adjustment.plotting import Axes
 
 
@@ -81,7 +81,9 @@ class Asked:
         """What the result file holds, and the reports are made of."""
         from obseq.images.output.record import record_of
 
-        return record_of(self, self.result.has_covariances, self.diagnosis, self.failures)  # type: ignore[arg-type]
+        return record_of(
+            cast("BundleSolution", self), self.result.has_covariances, self.diagnosis, self.failures
+        )
 
     @overload
     def table(self, name: Literal["points"] = ...) -> Table[BlockPointRecord]: ...
@@ -92,9 +94,9 @@ class Asked:
     @overload
     def table(self, name: Literal["measures"]) -> Table[MeasureRecord]: ...
     @overload
-    def table(self, name: str) -> Table[Any]: ...
+    def table(self, name: str) -> AnyTable: ...
 
-    def table(self, name: str = "points") -> Table[Any]:
+    def table(self, name: str = "points") -> AnyTable:
         """A table of the result: columns by name, `rows`, `where`, `frame()` for pandas, `save` as CSV.
 
         Args:

@@ -8,7 +8,7 @@ null in the file.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
@@ -20,7 +20,7 @@ from obseq.records.adjustment import IterationRecord, RunRecord
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.quality import GlobalTestRecord
 from obseq.records.record import Record, from_plain
-from obseq.records.table import Table, table_of
+from obseq.records.table import AnyTable, Table, table_of
 from obseq.report.result_file import read_plain, text_of
 
 if TYPE_CHECKING:
@@ -264,7 +264,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         """The observations whose tests stand out, the largest first; none where a diagnosis says more."""
         return () if self.suspicion is None or self.diagnosis is not None else self.suspicion.suspects
 
-    def table(self, name: str = "points") -> Table[Any]:
+    def table(self, name: str = "points") -> AnyTable:
         """One of its lists as a table (see `obseq.records.table`); "measures" are all image points."""
         return Table(MeasureRecord, self.measures()) if name == "measures" else table_of(self, name)
 

@@ -65,7 +65,7 @@ class Asked:
     def table(self, name: Literal["iterations"]) -> Table[IterationRecord]: ...
     @overload
     def table(self, name: str, package: str | None = ...) -> Any: ...
-    def table(self, name: str = "points", package: str | None = None) -> Any:
+    def table(self, name: str = "points", package: str | None = None) -> object:
         """A table of the result: columns by name, `rows`, `where`, `frame()` for pandas, `save` as CSV.
 
         Args:
