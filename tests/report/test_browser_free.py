@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from obseq.report import page
+from obseq.report.page import page
 from obseq.survey import Datum, Network
 
 SPEC = importlib.util.spec_from_file_location("browsing", Path(__file__).with_name("browsing.py"))
