@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from obseq.images.aerial import (
-    FrameCamera,
     Geoid,
     HeightType,
     MapSystem,
