@@ -6,6 +6,7 @@ import pytest
 from sketch import GON, A, B, C, P, Q, Sketch
 
 from obseq.errors import InputError
+from obseq.geometry import closest_rotation
 from obseq.survey import Orientation
 
 
@@ -367,3 +368,36 @@ def test_a_mirror_position_that_one_distance_misses_by_many_sigmas_is_no_solutio
     flat_truth = {name: (x, y, 10.0) for name, (x, y, _) in truth.items()}
     sketch = Sketch(tmp_path, **flat_truth, P=(180, 160, 60)).dist("P", *truth)
     assert "fit several positions equally well" in sketch.solve(*truth).reason("P")
+
+
+NEAR = {"A": (0.0, 0.0, 1.0), "B": (2.0, 0.0, 0.0), "C": (0.5, 1.5, 2.0), "P": (1.2, 0.7, 0.4)}
+TILTED = closest_rotation(np.eye(3) + 0.6 * np.array([[0, -1, 0.5], [1, 0, -0.8], [-0.5, 0.8, 0]]))
+
+
+def raised(tmp_path):
+    """Sights of two metres, from 1.5 m above the ground to targets on it."""
+    return Sketch(tmp_path, **NEAR).raised(1.5, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "draw", "known"),
+    [
+        ("polar point", lambda s: s.hz("A", "B").full("A", "P"), "AB"),
+        ("components", lambda s: s.hz("A", "B").dxyz("A", "P"), "AB"),
+        ("resection", lambda s: s.hz("P", "A", "B", "C", g0=0.7).zen("P", "C"), "ABC"),
+        ("intersection", lambda s: s.hz("A", "B", "P").hz("B", "A", "P").zen("A", "P"), "AB"),
+        ("back sight", lambda s: s.hz("A", "B", "P").hz("B", "A", "P").zen("P", "A"), "AB"),
+        ("rise", lambda s: s.hz("A", "B", "P").hz("B", "A", "P").dxyz("A", "P", codes=(16,)), "AB"),
+        ("tilted vectors", lambda s: s.write("#BASC").dxyz("P", "A", "B", "C", rotation=TILTED), "ABC"),
+        ("tilted", lambda s: s.write("#BASC").dxyz("A", "B", "C", "P", rotation=TILTED), "ABC"),
+    ],
+)
+def test_heights_of_instrument_and_target_are_part_of_short_sights(tmp_path, name, draw, known):
+    draw(raised(tmp_path)).solve(*known).assert_true()
+
+
+def test_a_short_sight_from_a_tripod_contradicts_no_coordinates(tmp_path):
+    near = {"P": np.add(NEAR["P"], 0.01)}
+    found = raised(tmp_path).hz("P", "A", "B", "C").zen("P", "A", "B", "C").solve("A", "B", "C", hints=near)
+    assert found.values.replaced == ()
+    assert found.method("P") == "given"

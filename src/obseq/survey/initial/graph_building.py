@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.initial.sight_graph import Measured, SightGraph, decimals
-from obseq.survey.initial.sights import DISTANCE, HZ, SLOTS, ZENITH, Measures, make_sights
+from obseq.survey.initial.sights import DISTANCE, DZ, HZ, SLOTS, ZENITH, Measures, make_sights
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import IS_ANGLE, KINDS
 from obseq.survey.model import Orientation
@@ -170,7 +170,7 @@ def _measures(book: FieldBook, parts: Sequence[Part], sight_of: IntArray, n: int
         sights = sight_of[rows]
         measures.rows[slot, sights] = rows
         measures.values[slot, sights] = measured.values[::-1]
-    rows = measures.rows[ZENITH]
+    rows = np.where(measures.rows[ZENITH] >= 0, measures.rows[ZENITH], measures.rows[DZ])
     heights = book.observations.to_heights[rows] - book.observations.from_heights[rows] if n else 0.0
     measures.lifts[:] = np.where(rows >= 0, heights, 0.0)
     return measures
