@@ -1,5 +1,6 @@
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ from sketch import GON, A, B, C, P, Q, Sketch
 
 from obseq.errors import InputError
 from obseq.geometry import closest_rotation
-from obseq.survey import Orientation
+from obseq.survey import Orientation, network_from_tables, simulate
 
 
 def test_polar_point_from_a_plumb_station_gives_g0(tmp_path):
@@ -401,3 +402,39 @@ def test_a_short_sight_from_a_tripod_contradicts_no_coordinates(tmp_path):
     found = raised(tmp_path).hz("P", "A", "B", "C").zen("P", "A", "B", "C").solve("A", "B", "C", hints=near)
     assert found.values.replaced == ()
     assert found.method("P") == "given"
+
+
+def test_an_azimuth_elsewhere_turns_a_group_about_its_one_known_point(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, C=C, P=P, Q=Q).full("A", "P", "Q", g0=1.2).full("P", "B", "A", g0=0.4)
+    sketch.write("#FIX").hz("Q", "B").write("#VERT").full("Q", "C", "A", g0=-2.0)
+    sketch.solve("A").assert_true()
+
+
+def test_without_an_azimuth_a_group_with_one_known_point_turns(tmp_path):
+    sketch = Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("A", "P", "Q", g0=1.2).full("P", "B", "A", g0=0.4)
+    assert {item.what for item in sketch.solve("A").values.unplaced} >= {"point P", "point Q", "point B"}
+
+
+def test_long_sights_are_straightened_where_their_distance_is_known():
+    """Over 20 km in a plane: 27.6 m of curvature and refraction."""
+    sights = [("A", "B"), ("A", "P")]
+    rows = [(kind, *ends) for ends in sights for kind in ("Hz", "Zen", "Dist")]
+    table = {
+        "type": [kind for kind, _, _ in rows],
+        "from": [a for _, a, _ in rows],
+        "to": [b for _, _, b in rows],
+        "value": [1.0] * len(rows),
+        "sigma": [1e-3 if kind == "Dist" else 1e-6 for kind, _, _ in rows],
+    }
+    places = {"A": (0, 0, 100), "B": (100, 0, 100), "P": (12000, 16000, 300)}
+    points = {"name": list(places)} | {
+        axis: [xyz[k] for xyz in places.values()] for k, axis in enumerate("xyz")
+    }
+    for axis in "xyz":
+        points[f"s{axis}"] = [0.001, 0.001, None]
+    network = simulate(network_from_tables(points, table, frame="Local", points_crs="Local"), seed=1)
+    known = replace(
+        network.points, coordinates=np.where(network.points.is_free, np.nan, network.points.coordinates)
+    )
+    found = replace(network.fieldwork, points=known).initial_values()
+    np.testing.assert_allclose(found.coordinates[2], places["P"], atol=0.2)
