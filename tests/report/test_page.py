@@ -136,12 +136,12 @@ def test_suspected_errors_lead_to_their_rows_and_spoil_no_precision(plain, make)
         "site.obs:2",
     )
     assert content(text)["first"] == {"table": "observations", "row": 1}
-    assert values(table(text, "points"), "sx") == pytest.approx(
+    assert values(table(text, "points"), "frame sx") == pytest.approx(
         [point.sx / 1.25 for point in record.points], rel=1e-4
     )
     assert "given sigmas" in table(text, "points")["about"]
     quiet = page(make(precision="a posteriori"))
-    assert values(table(quiet, "points"), "sx") == [point.sx for point in record.points]
+    assert values(table(quiet, "points"), "frame sx") == [point.sx for point in record.points]
 
 
 def test_tables_hold_metres_and_radians_of_the_record(record) -> None:

@@ -1,30 +1,30 @@
-"""Columns of the tables of the interactive page: titles, quantities and numbers in metres and radians."""
+"""Columns of tables: titles, quantities and numbers in metres and radians.
+
+A table is declared once, with what is here. The page, texts and CSV are written from that (`report.writer`).
+"""
 
 from __future__ import annotations
 
 import math
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
+from obseq.report.units import MANY, Plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from obseq.records.adjustment import EllipseRecord
 
-Plain = dict[str, Any]
-"""What a page holds as JSON."""
 Column = Plain
 Table = Plain
 
 PLACES = {"m": 5, "rad": 9}
 """Decimals of coordinates and observed values on the page: more than it shows in any unit."""
-DIGITS = 5
-"""Significant digits of residuals, precisions and what judges them."""
+DIGITS = 6
+"""Significant digits of residuals, precisions and what judges them: as many as a page holds of them."""
 _SMALL = f"%.{DIGITS}g"
-MANY = 300
-"""Numbers from which arrays are quicker than one after the other."""
 _POWERS = [float(f"1e{k}") for k in range(23)]
 _EXACT = 1e12
 """Products below it are exact to a thousandth: ties of the last digit apart, rounded as decimals are."""
@@ -78,7 +78,7 @@ def column(title: str, quantity: str, values: Iterable[object], **more: object) 
     """A column of a table; its key is its title unless another is given.
 
     `rare` ones are shown on request, `paper` is False for those that are not printed, `bar` draws the values
-    of `w` or `redundancy` beside them.
+    of `w` or `redundancy` beside them, `joined` ones follow the text before them where lines are short.
     """
     return {"key": title, "title": title, "quantity": quantity, "values": list(values), **more}
 

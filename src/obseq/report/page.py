@@ -18,12 +18,13 @@ from obseq.report.head import Page, Place
 from obseq.report.html import escaped
 from obseq.report.packed import packed
 from obseq.report.plan import plan
+from obseq.report.units import scales
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from obseq.records.adjustment import RunRecord
-    from obseq.report.columns import Plain
+    from obseq.report.units import Plain
 
 MOST_OBSERVATIONS = 20_000
 """Rows that a page of a large network has; the result file has all."""
@@ -136,7 +137,7 @@ def document(shown: Page) -> str:
 
 def _packed(shown: Page) -> Page:
     """The page whose long columns are bytes."""
-    return structs.replace(shown, tables=[_shorter(table) for table in shown.tables])
+    return structs.replace(shown, tables=[_shorter(table) for table in shown.tables], scales=scales())
 
 
 def _shorter(table: Plain) -> Plain:

@@ -6,9 +6,11 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report.quality import ellipse_level
+from obseq.report.named import ellipse_level
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
     from obseq.records.adjustment import AdjustmentRecord, PointRecord
 
 TOGETHER = 0.1
@@ -59,6 +61,19 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
         "across": [row.name for row in record.types or () if row.sense == "across"],
         "along": [row.name for row in record.types or () if row.sense == "along"],
     }
+
+
+def round_below(value: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is not above it."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value)
+
+
+def plan_of_points(points: Sequence[PointRecord], stations: Collection[str]) -> dict[str, object]:
+    """The plan of what is not adjusted yet: places and marks."""
+    places = [point.plan or (None, None) for point in points]
+    marks = [STATION if point.name in stations else 0 for point in points]
+    return {"x": [x for x, _ in places], "y": [y for _, y in places], "marks": marks, "scheme": False}
 
 
 def _is_known(record: AdjustmentRecord, point: PointRecord) -> bool:

@@ -5,17 +5,30 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.images.output.page_instruments import instrument_tables
-from obseq.printable import printable_line
-from obseq.report.columns import Plain, all_small, choice, column, element, table
+from obseq.printable import listed, printable_line
+from obseq.report.columns import all_small, choice, column, element, table
+from obseq.report.page import printed
+from obseq.report.units import METRIC
+from obseq.report.writer import Writer
 
 if TYPE_CHECKING:
     from obseq.images.output.block_record import BundleRecord
+    from obseq.report.units import Plain
+
+MOST_NAMES = 4
+"""Names of what took no part, by kind and reason."""
 
 
 def tables(record: BundleRecord) -> list[Plain]:
     """Image points, points, images, parameters of cameras, instruments."""
     made = (_measures(record), _points(record), _images(record), _parameters(record))
-    return [*(item for item in made if item), *instrument_tables(record)]
+    return [item for item in (*made, *instrument_tables(record), _tests(record), _without(record)) if item]
+
+
+def writer(record: BundleRecord) -> Writer:
+    """What writes these tables as text: in metres, gon and pixels."""
+    names = [*(point.name for point in record.points), *(image.name for image in record.images)]
+    return Writer(printed(names), METRIC)
 
 
 def _measures(record: BundleRecord) -> Plain | None:
@@ -179,3 +192,45 @@ def _parameters(record: BundleRecord) -> Plain:
         for camera in record.cameras
     )
     return table("parameters", "Parameters of cameras", columns, about=printable_line(about))
+
+
+def _tests(record: BundleRecord) -> Plain | None:
+    """The largest tests of all kinds of observation."""
+    if record.suspicion is None or not record.suspicion.largest:
+        return None
+    found = record.suspicion.largest
+    columns = [
+        column("observation", "text", [printable_line(item.name) for item in found]),
+        column("w", "number", all_small([item.w for item in found]), by_size=True, bar="w"),
+        column("error", "small_number", all_small([item.blunder for item in found]), by_size=True),
+        choice("unit", [item.unit or "world units" for item in found]),
+        column("weight", "number", all_small([item.weight for item in found])),
+    ]
+    spread = 1.0 if not record.suspicion.robust else max(record.suspicion.spread or 1.0, 1.0)
+    about = f"Of observations of all kinds; suspected above {record.suspicion.limit * spread:.2f}."
+    return table("tests", "Largest tests", columns, about=about)
+
+
+def _without(record: BundleRecord) -> Plain | None:
+    """What took no part, and why."""
+    parts = {
+        "left out": record.left_out,
+        "changes nothing": record.unmeasured,
+        "not in pairs": record.unpaired,
+    }
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for what, items in parts.items():
+        for item in items:
+            groups.setdefault((what, item.kind, item.reason), []).append(item.name)
+    if not groups:
+        return None
+    rows = sorted(groups.items(), key=lambda group: -len(group[1]))
+    columns = [
+        choice("what", [what for (what, _, _), _ in rows]),
+        choice("kind", [kind for (_, kind, _), _ in rows]),
+        column("which", "text", [printable_line(listed(names, MOST_NAMES)) for _, names in rows]),
+        choice("why", [reason for (_, _, reason), _ in rows]),
+        column("how many", "count", [len(names) for _, names in rows]),
+    ]
+    count = sum(len(names) for names in groups.values())
+    return table("without", f"Without part ({count})", columns)
