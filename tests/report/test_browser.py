@@ -178,8 +178,7 @@ def test_rows_sort_by_any_column(report, browser) -> None:
     rows = browser.execute_script("return page.tables.get('observations').rows")
     column = browser.execute_script("return page.tables.get('observations').columns[6].values")
     unused = browser.execute_script("return page.tables.get('observations').content.unused")
-    shown = [(unused[row], column[row]) for row in rows]  # what is not used comes last
-    assert shown == sorted(zip(unused, column, strict=True))
+    assert [(unused[row], column[row]) for row in rows] == sorted(zip(unused, column, strict=True))
     click(browser, sort)
     assert browser.execute_script(state) == "descending"
     browser.execute_script(
