@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 from obseq.dataclass import dataclass
 from obseq.report.html import escaped
 from obseq.report.plan import STATION, round_below
+from obseq.report.units import Plain
 
 WIDTH = 900.0
 TALLEST = 600.0
@@ -40,7 +40,7 @@ class View:
         return MARGIN + (x - self.left) * self.scale, MARGIN + (self.top - y) * self.scale
 
 
-def figure(plan: dict[str, Any], names: Sequence[str], sights: Iterable[tuple[str, str]]) -> str:
+def figure(plan: Plain, names: Sequence[str], sights: Iterable[tuple[str, str]]) -> str:
     """A plan (see `plan.plan`) as an SVG element; of a large network, not every sight and not every name."""
     known = {k: (x, y) for k, (x, y) in enumerate(zip(plan["x"], plan["y"], strict=True)) if x is not None}
     if not known:
@@ -79,7 +79,7 @@ def _sights(sights: Iterable[tuple[str, str]], places: dict[str, tuple[float, fl
     )
 
 
-def _marks(plan: dict[str, Any], places: dict[int, tuple[float, float]], scale: float) -> Iterator[str]:
+def _marks(plan: Plain, places: dict[int, tuple[float, float]], scale: float) -> Iterator[str]:
     """Ellipses, triangles of stations, points."""
     for k, (x, y) in places.items():
         if scale and plan["major"][k] is not None:
@@ -106,13 +106,13 @@ def _names(
             yield f'<text x="{left:.1f}" y="{y - 6:.1f}">{escaped(names[k])}</text>'
 
 
-def _exaggeration(plan: dict[str, Any], view: View) -> float:
+def _exaggeration(plan: Plain, view: View) -> float:
     """The round factor that makes the largest ellipse well visible; 0 without any."""
     largest = max((size for size in plan.get("major", ()) if size is not None), default=0.0)
     return round_below(LARGEST_ELLIPSE / (largest * view.scale)) if largest > 0.0 else 0.0
 
 
-def _legend(plan: dict[str, Any], view: View, enlarged: float) -> Iterator[str]:
+def _legend(plan: Plain, view: View, enlarged: float) -> Iterator[str]:
     y = view.height - 11.0
     if plan["scheme"]:
         yield f'<text x="{MARGIN:.0f}" y="{y:.1f}">{plan["title"]}; {plan["ellipses"]}</text>'
