@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import browsing
 import numpy as np
 import pytest
 from scipy.special import ndtri
@@ -29,15 +30,6 @@ def module(path: Path) -> Any:
     found = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(found)
     return found
-
-
-browsing = module(Path(__file__).with_name("browsing.py"))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with browsing.chromium(browsing.BRIEF) as found:
-        yield found
 
 
 def demo() -> Network:
@@ -87,9 +79,9 @@ def path(request, pages) -> Path:
 
 def show(browser, path: Path | None) -> None:
     """Opens a page anew; nothing: whatever is open is of no use any more."""
+    browser.shown = None
     if path is not None:
         browsing.opened(browser, path)
-    browser.shown = path
 
 
 @pytest.fixture

@@ -20,7 +20,6 @@ from obseq.report.columns import (
     field,
     inside,
     rounded,
-    small,
     table,
 )
 from obseq.report.named import ellipse_level, unit_of, where
@@ -275,14 +274,14 @@ def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
     found = record.joint
     if not found:
         return None
-    off = (small(math.hypot(*row.blunder)) for row in found)
+    off = (math.hypot(*row.blunder) for row in found)
     columns = [
         column("vector", "text", [printable_line(row.what) for row in found]),
         *where(found),
         field("T", "number", found, "statistic"),
         column("degrees", "count", (row.degrees for row in found)),
         field("limit", "number", found, "critical"),
-        column("T / limit", "number", (small(row.statistic / row.critical) for row in found), limit=1.0),
+        column("T / limit", "number", (row.statistic / row.critical for row in found), limit=1.0),
         column("off by", "small_length", off, about="estimate of its error, if it were the only one"),
         field("up", "small_length", found, "rise", about="the same, if its height alone were wrong"),
         field("w of that", "number", found, "rise_test", by_size=True),

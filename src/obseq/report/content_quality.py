@@ -13,7 +13,6 @@ from obseq.report.columns import (
     ellipse_columns,
     field,
     rounded,
-    small,
     table,
 )
 from obseq.report.named import ellipse_level
@@ -67,7 +66,7 @@ def relative(record: AdjustmentRecord, rows: Rows) -> Table | None:
         column("second", "point", (rows.get(row.second) for row in found)),
         column("distance", "length", (rounded(row.distance) for row in found)),
         field("s distance", "small_length", found, "precision"),
-        column("ppm", "number", (small(_parts_per_million(row)) for row in found)),
+        column("ppm", "number", map(_parts_per_million, found)),
         field("s bearing", "small_angle", found, "bearing_precision"),
         *ellipse_columns(row.ellipse for row in found),
     ]

@@ -9,13 +9,13 @@ import base64
 import gzip
 from typing import TYPE_CHECKING
 
+from obseq.report.columns import EXACT
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 LONG = 400
 """Values from which a column is packed: of fewer, JSON is as short."""
-EXACT = frozenset({"length", "angle", "observed", "count"})
-"""Quantities that are kept to all their digits; the others to seven."""
 WHOLE = frozenset({"choice", "point"})
 
 

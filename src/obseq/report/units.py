@@ -118,6 +118,7 @@ PLAIN = {
     "number": Scale("", 1.0, 2),
     "fine": Scale("", 1.0, 4),
     "small_number": Significant("", 1.0, 4),
+    "value": Significant("", 1.0, 10),
     "pixel": Scale("px", 1.0, 3),
     "coarse_pixel": Scale("px", 1.0, 1),
 }

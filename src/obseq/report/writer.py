@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.report.columns import TEXTS
 from obseq.report.said import plain
-from obseq.report.units import ABSENT, MIXED, Scale, Significant, Units
+from obseq.report.units import ABSENT, MIXED, Scale, Units
 from obseq.spreadsheets import csv_text
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ WIDTH = 120
 """Columns of a listing; only names of many letters make a table wider."""
 LONGEST = 16
 """Letters of a name of a file where lines are short."""
-TEXTS = frozenset({"text", "choice", "point"})
-"""Quantities that are no numbers."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,6 @@ class Writer:
         scale = self.units.scale(column["quantity"])
         if "unit" in column:
             scale = replace(scale, name=column["unit"], factor=1.0)
-        if "significant" in column:
-            return Significant(scale.name, scale.factor, column["significant"])
         return replace(scale, decimals=column.get("decimals", scale.decimals))
 
     def cells(self, table: Table, column: Column, *, with_units: bool = True) -> list[str]:

@@ -57,7 +57,7 @@ def _corrections(solution: SatelliteSolution) -> Table:
     columns = [
         choice("image", [image for image, *_ in rows]),
         choice("term", [term for _, term, *_ in rows]),
-        column("value", "small_number", [value for *_, value, _ in rows], significant=6),
+        column("value", "value", [value for *_, value, _ in rows]),
         column("sigma", "small_number", [sigma for *_, sigma in rows]),
     ]
     return table("corrections", "Corrections", columns, about="Pixels from the offsets of the image.")

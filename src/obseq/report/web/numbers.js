@@ -16,8 +16,7 @@ const MIXED = { observed: ["length", "angle"], small: ["small_length", "small_an
 /** How a column shows one of its rows: mixed columns hold lengths and angles. */
 function scaleOf(column, isAngular) {
   const scale = quantity(MIXED[column.quantity]?.[isAngular ? 1 : 0] ?? column.quantity);
-  const own = { ...(column.unit ? { unit: column.unit, factor: 1 } : {}), ...(column.decimals === undefined ? {} : { decimals: column.decimals }) };
-  return column.significant ? { ...scale, ...own, decimals: column.significant, kind: "significant" } : { ...scale, ...own };
+  return { ...scale, ...(column.unit ? { unit: column.unit, factor: 1 } : {}), ...(column.decimals === undefined ? {} : { decimals: column.decimals }) };
 }
 
 /** The unit that the title of a column shows: none where each cell has its own. */
