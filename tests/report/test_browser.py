@@ -221,11 +221,8 @@ def test_one_selection_goes_through_the_page(report, browser) -> None:
 def test_an_address_selects(report, browser) -> None:
     name = browser.execute_script("return page.content.names[1]")
     browser.get(f"{report.as_uri()}?again#p{name}")
-    wait = (
-        "const [done] = arguments;"
-        "const look = () => (page ? done(page.selection.point) : setTimeout(look, 20)); look()"
-    )
-    assert browser.execute_async_script(wait) == 1
+    browser.execute_async_script(browsing.PAINTED)
+    assert browser.execute_script("return page.selection.point") == 1
     show(browser, report)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from obseq.report import adjusted, findings, spared
 from obseq.report.content import numbers_of, tables
 from obseq.report.head import Page, Place
 from obseq.report.html import escaped
-from obseq.report.packed import packed
+from obseq.report.packed import packed, squeezed
 from obseq.report.plan import plan
 from obseq.report.units import scales
 
@@ -129,9 +130,9 @@ def document(shown: Page) -> str:
     """The HTML document."""
     return Template(_part("page.html")).substitute(
         title=escaped(shown.title),
-        style=_bare(_part("page.css")),
+        style=_part("page.css"),
         content=_embedded(encoded(_packed(shown))),
-        script="\n".join(_bare(_part(f"{name}.js")) for name in SCRIPTS),
+        script=_script(),
     )
 
 
@@ -150,10 +151,11 @@ def _part(name: str) -> str:
     return files("obseq.report").joinpath("web", name).read_text(encoding="utf-8")
 
 
-def _bare(source: str) -> str:
-    """Source text without its indents and its comments, which stand on lines of their own."""
-    lines = (line.strip() for line in source.splitlines())
-    return "\n".join(line for line in lines if line and not line.startswith(("//", "/**", "*")))
+@cache
+def _script() -> str:
+    """The sources of the script as they are read, compressed."""
+    sources = ('"use strict";', *(_part(f"{name}.js") for name in SCRIPTS), "//# sourceURL=obseq.js")
+    return squeezed("\n".join(sources).encode())
 
 
 def _embedded(text: str) -> str:

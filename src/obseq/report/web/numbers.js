@@ -78,9 +78,7 @@ function shown(column, value, isAngular) {
 /** The numbers of a packed column: bytes of equal weight stand together, compressed. */
 async function unpacked(values) {
   if (Array.isArray(values)) return values;
-  const bytes = Uint8Array.from(atob(values.bytes), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  const shuffled = new Uint8Array(await new Response(stream).arrayBuffer());
+  const shuffled = new Uint8Array(await inflated(values.bytes).arrayBuffer());
   const Kind = { i4: Int32Array, f4: Float32Array, f8: Float64Array }[values.type];
   const [size, count] = [Kind.BYTES_PER_ELEMENT, shuffled.length / Kind.BYTES_PER_ELEMENT];
   const straight = new Uint8Array(shuffled.length);
