@@ -33,8 +33,8 @@ STEMS = {"obseq-bundle": "bundle", "obseq-plan": "plan", "obseq-comparison": "co
 Kind = TypeVar("Kind", PlanRecord, ComparisonRecord)
 
 MORE = """
-Nothing is computed: what the reports say is what the file holds, of a network, a plan, a comparison or a block
-of images.
+Nothing is computed: what the reports say is what the file holds, of a network, a plan, a comparison or a
+block of images.
 Prints the summary; --out writes all reports in a folder."""
 
 EXAMPLE = """\
