@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 from obseq.printable import printable_line
 from obseq.report.units import MANY, Plain
@@ -85,9 +85,9 @@ def column(title: str, quantity: str, values: Iterable[object], **more: object) 
     `rare` ones are shown on request, `paper` is False for those that are not printed, `bar` draws the values
     of `w` or `redundancy` beside them, `joined` ones follow the text before them where lines are short.
     """
-    found: list[Any] = list(values)
+    found = list(values)
     if quantity not in EXACT and quantity not in TEXTS:
-        found = all_small(found)
+        found = list(all_small(cast("list[float | None]", found)))
     return {"key": title, "title": title, "quantity": quantity, "values": found, **more}
 
 
