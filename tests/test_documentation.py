@@ -31,7 +31,8 @@ WITH_EXAMPLES = [
     ROOT / "docs" / "equation-families.md",
     ROOT / "docs" / "survey-files.md",
 ]
-OF_ROOMS = {"coordinate-systems.md", "extend.md", "targets.md", "write-a-formula.md"}
+EXTENDING = {page.name for page in (ROOT / "docs" / "extend").glob("*.md")} - {"README.md"}
+OF_ROOMS = {"coordinate-systems.md", "targets.md", "write-a-formula.md"} | EXTENDING
 """Pages whose examples are run by the tests of their rooms."""
 DEMO = ROOT / "src" / "obseq" / "survey" / "data"
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -189,3 +190,26 @@ def test_docstring_examples_run(name: str, site: Path) -> None:
     runner = doctest.DocTestRunner(Checker(), optionflags=doctest.NORMALIZE_WHITESPACE)
     for example in doctest.DocTestFinder(exclude_empty=True).find(importlib.import_module(name), name):
         assert runner.run(example).failed == 0
+
+
+TASKS = re.compile(r"## Ten everyday tasks.*?^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+ASKED = re.compile(r"\b(network|adjustment|block|solution)\.(\w+)\(")
+
+
+@pytest.mark.parametrize("name", ["examples.md", "first-block.md"])
+def test_everyday_tasks_are_lines_whose_words_are_in_the_reference(name: str) -> None:
+    """The reference is made of the docstrings of what the rooms export."""
+    from obseq.images import BundleAdjustment, BundleSolution
+    from obseq.survey import Adjustment, Network
+
+    owners = {
+        "network": Network,
+        "adjustment": Adjustment,
+        "block": BundleAdjustment,
+        "solution": BundleSolution,
+    }
+    (text,) = TASKS.findall((ROOT / "docs" / name).read_text(encoding="utf-8"))
+    assert re.findall(r"  # (\d+): ", text) == [str(number) for number in range(1, 11)]
+    asked = set(ASKED.findall(text))
+    assert len(asked) > 6
+    assert [word for owner, word in asked if not getattr(owners[owner], word).__doc__] == []

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, NOISY, Arrival, resolution, rounding_along
+from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, resolution, rounding_of_cost
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
@@ -273,10 +273,7 @@ class _Search:
             return False
         if trial.promised <= ROUNDED_COST * cost:
             return True
-        if trial.promised > NEGLIGIBLE**3 * cost:
-            return False
-        lost = rounding_along(self._equations, -trial.move) * self._equations.weighted_residuals()
-        return bool(trial.promised <= 2.0 * NOISY * np.linalg.norm(lost))
+        return trial.promised <= NEGLIGIBLE**3 * cost and trial.promised <= rounding_of_cost(self._equations)
 
     def _is_rounding(self, trial: Trial) -> bool:
         """Whether a full step that brings nothing is made of rounding: residuals that are all zero, say."""
