@@ -14,8 +14,8 @@ from .metadata import names_text as names_text
 from .metadata import read_names as read_names
 from .metadata import read_rules as read_rules
 from .metadata import rules_text as rules_text
+from .micmac_v1 import read_v1_block as read_v1_block
 from .micmac_v1 import read_v1_orientation as read_v1_orientation
-from .micmac_v1_block import read_v1_block as read_v1_block
 from .points import measures_text as measures_text
 from .points import points_text as points_text
 from .points import read_control_points as read_control_points

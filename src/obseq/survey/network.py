@@ -27,8 +27,8 @@ from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
-from obseq.survey.adjustment.drawing import network_html, network_text
 from obseq.survey.adjustment.frame import Frame
+from obseq.survey.adjustment.plotting import network_html, network_text
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.assembling import deflected, in_frame
 from obseq.survey.by_name import robust

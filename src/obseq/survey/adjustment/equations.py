@@ -13,7 +13,6 @@ from obseq.survey.adjustment.families import Family, family_of, present, rows_by
 from obseq.survey.adjustment.instruments import Instruments
 from obseq.survey.adjustment.joint_rows import GROUP, JointRows
 from obseq.survey.adjustment.known_coordinates import SAME_PLACE, KnownCoordinates
-from obseq.survey.adjustment.labels import Labels
 from obseq.survey.adjustment.loose_motions import loose_motions
 from obseq.survey.adjustment.plumb import Plumb
 from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
@@ -22,7 +21,7 @@ from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
@@ -170,7 +169,7 @@ class Equations:
             batch = self._added(own, coordinates)
             batch.active = np.zeros(len(own), np.bool_)
             batches.append((places[np.isin(rows, own)], batch))
-        self._joint = JointRows(self.system, batches, covariances, Labels(self._book, rows))
+        self._joint = JointRows(self.system, batches, covariances, self._labelling(rows))
         return self._joint.batch
 
     def _added(
@@ -181,7 +180,7 @@ class Equations:
         kind, _ = family.kinds[0]
         measured, blocks = self._measured(family, coordinates), self._blocks(family)
         sigmas = 1.0 if covariance else self.sigmas(rows, coordinates)
-        labels = Labels(self._book, rows)
+        labels = self._labelling(rows)
         if kind.is_linear(self._site):
             ids = list(blocks.values())
             sizes = [int(self.system.unknowns.size[block[0]]) for block in ids]
@@ -197,6 +196,11 @@ class Equations:
         self._carry(family, batch, coordinates)
         self._families.append((family, batch))
         return batch
+
+    def _labelling(self, rows: IntArray) -> Callable[[int], str]:
+        """What observations are called in messages."""
+        book = self._book
+        return lambda k: book.label(int(rows[k]))
 
     def _blocks(self, family: Family) -> dict[str, IntArray]:
         """The unknowns of the equations of one family, by the names of the formula."""

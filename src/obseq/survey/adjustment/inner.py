@@ -17,7 +17,7 @@ import numpy as np
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.diagnosis.free_motions import COMBINED, SHAPE
 from obseq.printable import listed
-from obseq.survey.adjustment.undetermined import free_motions
+from obseq.survey.adjustment.singular import free_motions
 from obseq.survey.kinds.registry import codes_where
 
 if TYPE_CHECKING:

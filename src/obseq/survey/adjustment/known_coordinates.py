@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,8 @@ from obseq.dataclass import dataclass
 from obseq.survey.adjustment.surroundings import Recent
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
     from obseq.survey.adjustment.point_system import PointSystem
@@ -66,23 +67,6 @@ class Tangents:
     axes: FloatArray
     metres: FloatArray
     stretching: FloatArray
-
-
-class Labels(Sequence[str]):
-    """What known coordinates are called in messages, made when somebody asks."""
-
-    def __init__(self, points: Points, rows: IntArray, components: IntArray) -> None:
-        self._points = points
-        self._rows = rows
-        self._components = components
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __getitem__(self, index):  # type: ignore[no-untyped-def]
-        row = int(self._rows[index])
-        name = COMPONENTS[self._components[index]]
-        return f"{name} of {self._points.names[row]} ({self._points.place(row)})"
 
 
 class KnownCoordinates:
@@ -150,7 +134,7 @@ class KnownCoordinates:
             [equations[:, :3]],
             equations[:, 3],
             sigmas,
-            labels=Labels(self._points, rows, components),
+            labels=self._labelling(rows, components),
             group=GROUP,
             is_constraint=True,
         )
@@ -160,8 +144,18 @@ class KnownCoordinates:
         if not rows.size:
             return None
         equations = self._linearised(rows, components)
-        labels = Labels(self._points, rows, components)
+        labels = self._labelling(rows, components)
         return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
+
+    def _labelling(self, rows: IntArray, components: IntArray) -> Callable[[int], str]:
+        """What known coordinates are called in messages."""
+        points = self._points
+
+        def label(k: int) -> str:
+            row = int(rows[k])
+            return f"{COMPONENTS[components[k]]} of {points.names[row]} ({points.place(row)})"
+
+        return label
 
     def together(self) -> dict[Batch, IntArray]:
         """The equations of coordinates that are correlated with one another: row of the point of each."""

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.counts import unknown_zeros
+from obseq.survey.initial.left_out import unknown_zeros
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.counts import Orientations
+    from obseq.survey.initial.left_out import Orientations
     from obseq.survey.initial.placement import Placement
     from obseq.survey.model import FieldBook, Points
 
