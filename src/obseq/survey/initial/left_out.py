@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.records.adjustment import LeftOutRecord
+from obseq.survey.initial.rivals import unknown_zeros
 from obseq.survey.initial.unplaced import Unplaced
-from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import among, codes_for, codes_where
-from obseq.survey.model import Orientation, group_by_station
+from obseq.survey.kinds.registry import codes_where
+from obseq.survey.model import group_by_station
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -257,17 +257,3 @@ def _book_without(
             members=members,
         ),
     )
-
-
-Orientations: TypeAlias = "np.ndarray[tuple[int], np.dtype[np.int8]]"
-"""(m,) values of `Orientation`, one for each station."""
-
-
-def unknown_zeros(points: Points, book: FieldBook, orientations: Orientations, active: BoolArray) -> IntArray:
-    """(n,) unknown zeros of circles set up on each free point, which its readings have to give as well."""
-    rows = book.observations
-    readings = active & among(rows.types, codes_for(Start.HZ)) & (rows.stations >= 0)
-    stations = np.flatnonzero(np.bincount(rows.stations[readings]))
-    stations = stations[orientations[stations] == Orientation.VERT.value]
-    count = np.bincount(book.stations.origins[stations], minlength=len(points))[: len(points)]
-    return np.where(points.is_free.any(axis=1) & ~points.in_datum.any(axis=1), count, 0)
