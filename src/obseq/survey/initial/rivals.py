@@ -19,9 +19,10 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from obseq.arrays import BoolArray
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.placement import Placement
-    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.model import FieldBook, IntArray, Points
 
 Orientations: TypeAlias = "np.ndarray[tuple[int], np.dtype[np.int8]]"
 """(m,) values of `Orientation`, one for each station."""
