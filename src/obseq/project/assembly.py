@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from obseq.images import ControlPoints, ImagePoints
-    from obseq.project.bundle_options import BundleOptions, InstrumentOptions, Set2D
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import BundleOptions, InstrumentOptions, Set2D
     from obseq.survey import FieldBook, Points
 
 UNCODED = "NONE"

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from obseq.geometry import RigidMotion
     from obseq.images import BundleAdjustment
     from obseq.images.rigid import Gauge, Sigmas
-    from obseq.project.bundle_options import ClinometerOptions, InstrumentOptions
     from obseq.project.instrument_blocks import ClinometerReadings, InstrumentBlock, InstrumentCamera
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import ClinometerOptions, InstrumentOptions
 
 ENTRIES = 2.0**0.5
 """Sigma of the entries of a rotation matrix over that of an angle."""

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.images import BundleSolution
     from obseq.images.adjustment.surveys import JoinedSurvey
-    from obseq.project.bundle_options import BundleOptions
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import BundleOptions
 
     Files = dict[Path, str | bytes]
     from collections.abc import Iterable

@@ -62,8 +62,8 @@ if TYPE_CHECKING:
     from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.adjusted_records import AdjustedPoints, AdjustedStations
-    from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
     from obseq.survey.adjustment.plotting import Axes
+    from obseq.survey.equations.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook
 
 

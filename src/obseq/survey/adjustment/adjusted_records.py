@@ -21,7 +21,7 @@ from obseq.records.adjustment import (
     StatisticsRecord,
     defined,
 )
-from obseq.survey.adjustment.known_coordinates import COMPONENTS
+from obseq.survey.equations.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 from obseq.survey.model import Orientation
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares import LeastSquaresResult
     from obseq.records.adjustment import EllipseRecord
     from obseq.survey.adjustment.adjusted_quality import ReliabilityNumbers
-    from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
+    from obseq.survey.equations.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points
 
 _LEAST_REDUNDANCY = 1e-6

@@ -18,11 +18,11 @@ from obseq.survey.adjustment.adjusted_quality import adjusted_quality
 from obseq.survey.adjustment.adjusted_records import AdjustedPoints, AdjustedStations, operations
 from obseq.survey.adjustment.doubtful import doubtful_points
 from obseq.survey.adjustment.inner import inner_covariances
-from obseq.survey.adjustment.loose_motions import UNDETERMINED, loose_error, size_of
 from obseq.survey.adjustment.notes import datum_note, held_heights_note, notes, of_unit_weight
-from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Examination, Quality, examine
 from obseq.survey.adjustment.singular import free_motions, in_words, points_of, singular_parts
+from obseq.survey.equations.loose_motions import UNDETERMINED, loose_error, size_of
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.approximations import nearest_sights
 from obseq.survey.initial.left_out import Determined, leave_out
 
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
     from obseq.leastsquares import LeastSquaresResult
     from obseq.records.adjustment import DoubtfulRecord
     from obseq.stopwatch import Stopwatch
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.frame import Frame
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import Points
 
 
 def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equations:
     """The equations of what is determined, in a frame."""
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
 
     return Equations(frame, system, start.points, start.book, start.initial)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.records.adjustment import MotionRecord
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.printable import listed
-from obseq.survey.adjustment.frame import MEAN_RADIUS
+from obseq.survey.equations.frame import MEAN_RADIUS
 from obseq.survey.kinds.registry import among, codes_where
 
 if TYPE_CHECKING:
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.records.adjustment import MotionRecord
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.frame import Frame
-    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.frame import Frame
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.model import FieldBook, Points
 
 MILLIGON = np.pi / 200_000.0

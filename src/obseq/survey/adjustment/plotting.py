@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     Axes = Any  # of matplotlib, an extra
     from obseq.arrays import FloatArray
     from obseq.survey.adjustment.adjusted_records import AdjustedPoints
-    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.equations.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
 USUAL = 0.06

@@ -10,7 +10,7 @@ from obseq.errors import InputError, SingularSystemError
 from obseq.leastsquares.diagnosis.free_motions import find_motions
 from obseq.leastsquares.diagnosis.singular import grouped
 from obseq.records.adjustment import MotionRecord
-from obseq.survey.adjustment.instruments import station_names
+from obseq.survey.equations.instruments import station_names
 from obseq.survey.initial.unplaced import ISOLATED, Unplaced
 from obseq.survey.kinds.registry import IS_ANGLE, among, codes_where
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares import LeastSquares
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points

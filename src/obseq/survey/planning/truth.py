@@ -12,8 +12,8 @@ from obseq.printable import listed
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.orienting import plumb_rotation
-from obseq.survey.initial.steps import GIVEN
 from obseq.survey.model import Orientation, automatic_fix
+from obseq.survey.sights.steps import GIVEN
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.project.option_values import (
+from obseq.project.options.option_values import (
     flag_or,
     number_at,
     number_or,
@@ -26,7 +26,7 @@ from obseq.project.option_values import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from obseq.project.option_values import Value
+    from obseq.project.options.option_values import Value
 
 BLOCK = "BOI=[[Block?,mTr?,mRot?,Save?,Rel?],[gTr?,gRot?],[cTr,cRot]?]"
 TILTS = "ClinoBOI=[[Block?,mAng?,mOrth?],[VertFree?,Others?],[Degree 0?,Degree 1?,...]]"

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.adjustment.surroundings import Recent
+from obseq.survey.equations.surroundings import Recent
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
-    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.model import Points
 
 

@@ -13,7 +13,7 @@ from obseq.survey.model import Orientation
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
-    from obseq.survey.adjustment.plumb import Plumb
+    from obseq.survey.equations.plumb import Plumb
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import FieldBook, Points
 

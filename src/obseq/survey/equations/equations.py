@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.adjustment.carried import moves_of
-from obseq.survey.adjustment.families import Family, family_of, present, rows_by_family
-from obseq.survey.adjustment.instruments import Instruments
-from obseq.survey.adjustment.joint_rows import GROUP, JointRows
-from obseq.survey.adjustment.known_coordinates import SAME_PLACE, KnownCoordinates
-from obseq.survey.adjustment.loose_motions import loose_motions
-from obseq.survey.adjustment.plumb import Plumb
-from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
-from obseq.survey.adjustment.site import NetworkSite
+from obseq.survey.equations.carried import moves_of
+from obseq.survey.equations.families import Family, family_of, present, rows_by_family
+from obseq.survey.equations.instruments import Instruments
+from obseq.survey.equations.joint_rows import GROUP, JointRows
+from obseq.survey.equations.known_coordinates import SAME_PLACE, KnownCoordinates
+from obseq.survey.equations.loose_motions import loose_motions
+from obseq.survey.equations.plumb import Plumb
+from obseq.survey.equations.shared_unknowns import SharedUnknowns
+from obseq.survey.equations.site import NetworkSite
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 from obseq.survey.model import Orientation
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
-    from obseq.survey.adjustment.frame import Frame
-    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.equations.frame import Frame
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import Cluster, FieldBook, Points
