@@ -16,13 +16,8 @@ from obseq.records.adjustment import (
     VarianceComponentRecord,
 )
 from obseq.survey.adjustment.joint_groups import TestedJointly, tested_jointly
-<<<<<<< HEAD
-from obseq.survey.adjustment.quality import Examination, left_out, numbers, of_observations
-from obseq.survey.equations.known_coordinates import GROUP
-=======
-from obseq.survey.equations.known_coordinates import GROUP
 from obseq.survey.adjustment.quality import Examination, numbers, of_observations
->>>>>>> main
+from obseq.survey.equations.known_coordinates import GROUP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
