@@ -110,7 +110,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "assembling": ("adjustment", "equations", "initial", "model", "files"),
         "by_name": ("adjustment", "equations", "model", "kinds"),
         "edited": ("by_name", "diagnosing", "model"),
-        "fieldwork": ("diagnosing", "causes", "adjustment", "equations", "initial", "model"),
+        "fieldwork": ("diagnosing", "causes", "adjustment", "equations", "initial", "sights", "model"),
         "grid_bearings": ("fieldwork", "adjustment", "equations", "model", "kinds"),
         "network": (
             "assembling",
@@ -126,8 +126,8 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
             "files",
             "point_file_options",
         ),
-        "epochs": ("adjustment", "equations", "initial", "model"),
-        "planning": ("network", "adjustment", "equations", "initial", "model", "kinds"),
+        "epochs": ("adjustment", "equations", "initial", "sights", "model"),
+        "planning": ("network", "adjustment", "equations", "initial", "sights", "model", "kinds"),
         "maps": (),
     },
     "formats": {
