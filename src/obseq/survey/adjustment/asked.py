@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     )
     from obseq.records.quality import StatisticsRecord
     from obseq.records.table import Table
-    from obseq.survey.adjustment.adjusted_places import AdjustedPoints
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
+    from obseq.survey.adjustment.adjusted_records import AdjustedPoints
     from obseq.survey.adjustment.plotting import Axes
     from obseq.survey.model import FieldBook
 
