@@ -143,6 +143,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "dynadjust": ("columns", "includes", "project"),
         "sinex": ("dynadjust", "columns", "project"),
         "gvx": ("dynadjust", "project"),
+        "snap": ("dynadjust", "includes", "project"),
         "starnet": ("columns", "default_sigmas", "includes", "levelled_points", "project", "stochastic"),
         "landxml": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
         "fieldbooks": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),

@@ -141,6 +141,13 @@ FORMATS = (
         sign=r"\s*\*STAR\*NET",
     ),
     Format(
+        "SNAP",
+        (".snp",),
+        "snap.reader:read_snap",
+        Role.NETWORK,
+        "command files with their coordinate and data files: all data types, grids of New Zealand",
+    ),
+    Format(
         "LandXML",
         (),
         "landxml.reader:read_landxml",
