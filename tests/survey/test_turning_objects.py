@@ -34,9 +34,8 @@ def turning(folder, seed, origin=""):
             east, north, up = there - place
             code = 5 if any(row.split()[1] == station for row in rows) else 7
             flat = math.hypot(east, north)
-            rows.append(
-                f"{code} {station} {target} {(math.atan2(east, north) - zero) % (2.0 * math.pi) * GON:.7f} 0.0003"
-            )
+            circle = (math.atan2(east, north) - zero) % (2.0 * math.pi)
+            rows.append(f"{code} {station} {target} {circle * GON:.7f} 0.0003")
             rows.append(f"6 {station} {target} {math.atan2(flat, up) * GON:.7f} 0.0003")
             rows.append(f"3 {station} {target} {math.hypot(flat, up):.6f} 0.0003")
     circles = [f"{name} {k} {name}{k} 0.0003 0.0003" for name in "PQ" for k in range(5)]

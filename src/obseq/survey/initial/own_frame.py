@@ -1,8 +1,8 @@
 """A frame for a network in which nothing is known: a point is its origin, a sight from there its orientation.
 
 Two points are enough: from them the others are placed as from known points. Where no distance is measured,
-the first one is said to be `UNIT` long. Slope distances alone say nothing of the vertical: a third point, in a
-triangle with the two, makes the plane of height 0, and a fourth one says which side of it is up.
+the first one is said to be `UNIT` long. Slope distances alone say nothing of the vertical: a third point
+in a triangle with the two makes the plane of height 0, and a fourth one says which side of it is up.
 """
 
 from __future__ import annotations
