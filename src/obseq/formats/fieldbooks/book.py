@@ -255,10 +255,8 @@ class Book:
         sigma, relative = worth
         lifts = (set_up.height, self.target_height) if kind.code in LIFTED else (0.0, 0.0)
         station = set_up.station if kind.needs_station else -1
-        measure = Measure(
-            kind, set_up.origin, target, value, sigma, True, relative, *lifts, station, self._group
-        )
-        self._columns.append(measure, self._number, index)
+        places = (kind.code, set_up.origin, target, -1, station, self._group, self._number, index + 1)
+        self._columns.add(places, (value, sigma, relative, *lifts), is_active=True)
 
     def _sigma(self, index: int, kind: ObservationKind, name: str) -> float:
         problem = lacking(name, self._given)
