@@ -161,6 +161,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "opk": (),
         "aicon": ("blocks", "fitted"),
         "colmap": ("blocks", "camera_terms", "fitted"),
+        "calibrations": ("colmap",),
         "opensfm": ("blocks", "camera_terms", "fitted"),
         "rpc": ("blocks",),
         "nvm": ("blocks",),
