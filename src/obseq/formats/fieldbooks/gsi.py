@@ -13,16 +13,13 @@ import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.formats.fieldbooks.book import SHOWN, Book, Sight, unfilled
+from obseq.formats.fieldbooks.book import SHOWN, Book, Sight, reader_of, unfilled
 from obseq.formats.fieldbooks.units import FOOT, of_sixty
 from obseq.printable import listed
-from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
-    from obseq.formats.project import Project, Reading
     from obseq.reading.text import TextFile
 
 NOWHERE = (
@@ -64,22 +61,6 @@ class _Block(NamedTuple):
 
     line: int
     words: dict[str, _Word]
-
-
-def read_gsi(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        _Gsi(book, read_text(path, reading.encoding)).read()
-    return book.project()
 
 
 class _Gsi:
@@ -216,3 +197,7 @@ def _blocks(file: TextFile) -> Iterator[_Block]:
                 words[number] = _Word(text[place + 2], text[place + 5], sign, value)
         if words:
             yield _Block(index, words)
+
+
+read_gsi = reader_of(NOWHERE, _Gsi)
+"""Reads field books, one after the other."""
