@@ -82,8 +82,8 @@ def _add(
     accuracy: float,
 ) -> None:
     order = np.argsort(tracks)
-    names, rows, xy, sigmas = [], [], [], []
-    image = []
+    names: list[str] = []
+    image, rows, xy, sigmas = [], [], [], []
     for projections in cloud.named("projections"):
         key = projections.attributes.get("camera_id", "")
         if key not in images:
