@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
+from obseq.formats.blocks.observations import Carried, carry_antennas
 from obseq.formats.metashape.reader import read_metashape
 
 METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
@@ -313,3 +314,19 @@ def test_a_wrong_archive_of_tie_points_is_told(tmp_path, changed, message):
     with pytest.raises(InputError, match=r"block\.psz: .*") as caught:
         read_metashape(archived(tmp_path, **changed))
     assert message in str(caught.value)
+
+
+def test_positions_of_a_file_may_have_a_lever_arm(tmp_path):
+    text = METASHAPE.replace('label="a.jpg">', 'label="a.jpg"><reference x="101" y="202" z="280"/>')
+    block, _ = read_metashape(_metashape(tmp_path, text))
+    assert block.antennas[0].is_central
+    carry_antennas(block, Carried((0.1, 0.0, -0.2), 0.05))
+    (antenna,) = block.antennas
+    assert antenna.images == ("a.jpg",)
+    assert antenna.lever_arm.tolist() == [0.1, 0.0, -0.2]
+    assert antenna.lever_sigmas.tolist() == [0.05] * 3
+    np.testing.assert_allclose(antenna.centres(np.eye(3)[None]), [[100.9, 202.0, 280.2]])
+    assert "have the lever arm 0.1 0 -0.2 (known to 0.05), as asked for" in block.notes[-1]
+    bare, _ = read_metashape(_metashape(tmp_path))
+    with pytest.raises(InputError, match="the files have none"):
+        carry_antennas(bare, Carried((0.1, 0.0, -0.2)))

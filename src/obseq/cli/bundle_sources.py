@@ -227,8 +227,10 @@ def _weigh(block: BundleAdjustment, sigmas: Sigmas, arguments: argparse.Namespac
 
 
 def _add_observations(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
-    from obseq.formats.blocks.observations import add_lengths, observe_positions
+    from obseq.formats.blocks.observations import add_lengths, carry_antennas, observe_positions
 
+    if arguments.lever_arm is not None and not arguments.positions:
+        carry_antennas(block, carried_by(arguments))
     for path in arguments.lengths:
         add_lengths(block, path)
     for path in arguments.positions:
