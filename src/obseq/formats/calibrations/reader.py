@@ -6,7 +6,7 @@ All have the middle of the first pixel at (0, 0); here it is at (0.5, 0.5). Thei
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -55,7 +55,7 @@ def read_calibrations(path: Path) -> list[Camera]:
     return [_of_opencv(path, content, matrix)]
 
 
-def _content(path: Path) -> dict[str, Any]:
+def _content(path: Path) -> dict[str, object]:
     try:
         import yaml
     except ImportError as error:
@@ -75,7 +75,7 @@ def _content(path: Path) -> dict[str, Any]:
     return content
 
 
-def _of_kalibr(where: str, name: str, item: dict[str, Any]) -> Camera:
+def _of_kalibr(where: str, name: str, item: dict[str, object]) -> Camera:
     model, distortion = item.get("camera_model", "pinhole"), item.get("distortion_model", "none")
     terms = _numbers(where, "distortion_coeffs", item.get("distortion_coeffs", []))
     values = _numbers(where, "intrinsics", item["intrinsics"])
@@ -94,7 +94,7 @@ def _of_kalibr(where: str, name: str, item: dict[str, Any]) -> Camera:
     return _camera(where, name, kind, size, values, terms)
 
 
-def _of_opencv(path: Path, content: dict[str, Any], matrix: str) -> Camera:
+def _of_opencv(path: Path, content: dict[str, object], matrix: str) -> Camera:
     where = str(path)
     k = _numbers(where, matrix, _data(content[matrix]))
     if len(k) != 9:
@@ -127,9 +127,9 @@ def _of_opencv(path: Path, content: dict[str, Any], matrix: str) -> Camera:
 
 
 def _camera(
-    where: str, name: str, model: str, size: Sequence[float], values: Sequence[float], terms: Sequence[float]
+    where: str, name: str, model: str, size: Sequence[object], values: Sequence[float], terms: Sequence[float]
 ) -> Camera:
-    sides = _numbers(where, "the size of the image", size)
+    sides = _numbers(where, "the size of the image", list(size))
     if len(sides) != 2 or not all(1.0 <= side < 1e6 and side == int(side) for side in sides):
         raise InputError(f"{where}: the size of the image (width, height) is missing or wrong")
     middle = [value + HALF for value in values[2:]]
@@ -140,13 +140,13 @@ def _camera(
         raise InputError(f"{where}: {error}") from error
 
 
-def _data(item: Any) -> Any:
+def _data(item: object) -> object:
     """Numbers of a matrix: its `data`, rows, or themselves."""
     found = item.get("data", []) if isinstance(item, dict) else item
     return list(_flat(found)) if isinstance(found, list) else found
 
 
-def _flat(items: list[Any]) -> Iterator[Any]:
+def _flat(items: list[object]) -> Iterator[object]:
     for item in items:
         if isinstance(item, list):
             yield from item
@@ -154,11 +154,11 @@ def _flat(items: list[Any]) -> Iterator[Any]:
             yield item
 
 
-def _numbers(where: str, what: str | None, given: Any) -> list[float]:
+def _numbers(where: str, what: str | None, given: object) -> list[float]:
     """A list of finite numbers; YAML reads 1e-3 without a point as a text."""
     try:
-        found = [float(value) for value in given]
-    except (TypeError, ValueError):
+        found = [float(str(value)) for value in given] if isinstance(given, list) else [math.nan]
+    except ValueError:
         found = [math.nan]
     if not np.isfinite(found).all():
         raise InputError(f"{where}: {what} is no list of numbers")

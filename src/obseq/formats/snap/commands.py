@@ -63,7 +63,6 @@ WITH_VALUES = ("bearing_orientation_error", "distance_scale_error", "reference_f
 CHANGES = {"ignore_observations": 0.0, "reject_observations": math.inf, "reweight_observations": math.nan}
 """What becomes of standard errors; NaN for a factor in the command."""
 _RANGE = re.compile(r"(.+)-(.+)")
-_LEADING = re.compile(r"(\d*)(.*)")
 
 
 @dataclass(frozen=True)
@@ -333,5 +332,5 @@ def _matching(job: Job, command: Command, word: str) -> set[str]:
 
 def _ordered(code: str) -> tuple[int, str]:
     """What sorts codes: leading digits as a number, then the rest."""
-    digits, rest = _LEADING.fullmatch(code).groups()  # type: ignore[union-attr]
-    return int(digits or 0), rest
+    rest = code.lstrip("0123456789")
+    return int(code[: len(code) - len(rest)] or 0), rest
