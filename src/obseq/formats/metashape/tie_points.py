@@ -133,10 +133,12 @@ def _ply(archive: Path, element: Element, *needed: str) -> npt.NDArray[np.void]:
     if not end or tuple(lines[:2]) != HEADER:
         raise InputError(f"{archive}: {name} is no binary PLY, little endian")
     words = [line.decode("ascii", "replace").split() for line in lines[2:]]
-    counts = [word[2] for word in words if word[:2] == ["element", "vertex"] and len(word) == 3]
-    fields = [(word[2], TYPES[word[1]]) for word in words if word[:1] == ["property"] and word[1] in TYPES]
-    others = [word for word in words if word[:1] == ["element"] and word[1:2] != ["vertex"]]
-    if len(counts) != 1 or not counts[0].isdigit() or others or not {*needed} <= {one for one, _ in fields}:
+    words = [word for word in words if word and word[0] not in ("comment", "obj_info")]
+    counts = [word[2] for word in words[:1] if len(word) == 3 and word[:2] == ["element", "vertex"]]
+    fields = [(word[2], TYPES[word[1]]) for word in words[1:] if len(word) == 3 and word[1] in TYPES]
+    named = {column for column, _ in fields}
+    whole = len(fields) == len(named) == len(words) - 1 and {*needed} <= named
+    if not counts or not counts[0].isdecimal() or not whole:
         raise InputError(f"{archive}: {name} has not the columns {', '.join(needed)} of vertices alone")
     kind = np.dtype(fields)
     if len(body) != int(counts[0]) * kind.itemsize:
