@@ -316,3 +316,10 @@ def test_the_command_line_reads_and_converts_it(job, tmp_path, monkeypatch):
     Path("net.dat").write_text("\n".join(["Short", "#data SD error no_heights", "A B 898.1 0.01", ""]))
     assert main(["convert", "net.snp", "--to", "net.obs.csv"]) == 0
     assert "Dist,A,B" in Path("net.obs.csv").read_text()
+
+
+@pytest.mark.parametrize("name", ["net.crd", "net.dat"])
+def test_a_part_of_a_network_says_what_it_belongs_to(job, tmp_path, name):
+    job(*QUIET)
+    with pytest.raises(InputError, match=r"adjust the command file \(\.snp\) that names it"):
+        Network.read_project(tmp_path / name)

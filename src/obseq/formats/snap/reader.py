@@ -65,6 +65,15 @@ def read_snap(paths: tuple[Path, ...], reading: Reading) -> Project:
     )
 
 
+def refuse_part(paths: tuple[Path, ...], reading: Reading) -> Project:
+    """Says what coordinate and data files belong to.
+
+    Raises:
+        InputError: In any case.
+    """
+    raise InputError(f"{paths[0]}: a part of a network of SNAP: adjust the command file (.snp) that names it")
+
+
 def _used(job: Job, records: list[MeasurementRecord]) -> dict[str, Mark]:
     """The stations that observations name."""
     names = {name for record in records for name in record.names}
