@@ -28,6 +28,7 @@ class Policy:
         equal: Contradictions by which two of them may differ that explain a network equally well.
         most: Errors that are told one by one.
         begun: Suspects from which backward elimination starts, the worst of them.
+        held_down: Errors that are told where robust weights hold them down: so many cost ten adjustments.
         exchanges: Exchanges of one hypothesis for another at most: masked pairs take one or two.
         rounds: Linearisations at most, for one explanation.
         trials: Changes, or starts without one row, that are adjusted anew.
@@ -61,6 +62,7 @@ class Policy:
     equal: float = 0.1
     most: int = 12
     begun: int = 60
+    held_down: int = 200
     exchanges: int = 4
     rounds: int = 4
     trials: int = 4

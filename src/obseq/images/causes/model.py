@@ -83,6 +83,7 @@ class BlockModel:
         self._actives = [batch.active.copy() for batch in numbering.batches]
         self._sigmas = [prior.sigmas.copy() for prior in numbering.priors]
         self._losses = [batch.loss for batch in numbering.batches]
+        self._weights = [batch.weights.copy() for batch in numbering.batches]
         self._state, self._frozen = self._table.state(), self._table.frozen.copy()
         self._given: Place | None = None
         self._evidence: tuple[Place, Evidence] | None = None
@@ -100,6 +101,9 @@ class BlockModel:
             self._actives, self._frozen = given
             self._put_back()
             self._table.restore(self._state)
+            if not self._is_plain:
+                for batch, weights in zip(self.numbering.batches, self._weights, strict=True):
+                    batch.weights[:] = weights
 
     @property
     def hypotheses(self) -> Hypotheses:
@@ -116,7 +120,7 @@ class BlockModel:
         if self._result is None or not self._result.converged:
             return None
         place = self._given = Place(self._result.state)
-        return place if self._is_plain else self.adjusted(place, ())[0]
+        return place if self._is_plain else None
 
     def solution(self) -> Place | None:
         """Where the adjustment as given ended; None where it did not converge."""
@@ -125,8 +129,12 @@ class BlockModel:
     def robust(self, without: Sequence[Change] = ()) -> Place:
         """Where iterations with redescending losses lead: from the start, or from poses of the measures.
 
+        Where the adjustment had robust weights, that is where it ended.
+
         In a large block a few errors do not carry least squares away: there they begin where these ended.
         """
+        if not self._is_plain and not without and self._result is not None and self._result.converged:
+            return Place(self._result.state)
         if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < FITTING:
             return self._robustly(self._solution, without)
         found = self._robustly(self.numbering.equations.start, without)
