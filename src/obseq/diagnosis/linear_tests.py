@@ -20,6 +20,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.diagnosis.given import Given
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
 if TYPE_CHECKING:
@@ -35,39 +36,6 @@ _CHUNK, _KEPT = 64, 8
 """Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY = 1e-300
 _PAIR = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Given:
-    """What accepted hypotheses leave to the columns.
-
-    Attributes:
-        basis: (s, k) B C.
-        shown: (k,) u that is left.
-        taken: (s,) B v0.
-    """
-
-    basis: FloatArray
-    shown: FloatArray
-    taken: FloatArray
-
-    def with_more(self, across: FloatArray, own: IntArray, unseen: float) -> Given:
-        """The same with more columns accepted, of which C' R C with all (q, k) is known."""
-        left = across - self.basis[:, own].T @ self.basis
-        shares, axes = np.linalg.eigh(left[:, own])
-        seen = shares > unseen
-        half = axes[:, seen] / np.sqrt(shares[seen])
-        basis, taken = half.T @ left, half.T @ self.shown[own]
-        return Given(
-            np.concatenate([self.basis, basis]), self.shown - taken @ basis, np.append(self.taken, taken)
-        )
-
-    def with_less(self, rest: IntArray) -> Given:
-        """The same with only some of the columns accepted: the directions that they do not take are free."""
-        axes, sizes, _ = np.linalg.svd(self.basis[:, rest])
-        free = axes[:, np.count_nonzero(sizes > _TINY + 1e-9 * sizes.max(initial=0.0)) :]
-        basis, taken = free.T @ self.basis, free.T @ self.taken
-        return Given(self.basis - free @ basis, self.shown + taken @ basis, self.taken - free @ taken)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from obseq.dataclass import dataclass
+from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 
 
 @dataclass(frozen=True)
@@ -84,3 +85,7 @@ class Policy:
 
 
 POLICY = Policy()
+LOSSES: tuple[Huber | GemanMcClure, ...] = (Huber(1.5), GemanMcClure(8.0), GemanMcClure(4.0))
+"""Of the robust start, one after the other: the first has one minimum, the others forget what is far off."""
+NO_WEIGHT = 1e6
+"""Times its sigma, an observation has no influence; what it alone determines stays where it is."""
