@@ -41,14 +41,14 @@ def _of_another_point(evidence: Evidence, measure: int, xy: FloatArray, spread: 
     off = np.linalg.norm((places - xy) / spread, axis=1)
     off[own] = np.inf
     best = int(np.argmin(np.nan_to_num(off, nan=np.inf)))
-    if not off[best] < NEAR:
+    if not off[best] < POLICY.near:
         return
     extent = np.ptp(places[np.isfinite(places[:, 0])], axis=0)
-    chance = float(len(places) * math.pi * NEAR**2 * np.prod(spread) / max(np.prod(extent), 1e-300))
+    chance = float(len(places) * math.pi * POLICY.near**2 * np.prod(spread) / max(np.prod(extent), 1e-300))
     name = numbering.equations.start.points[best]
     others = evidence.of_image(image)
     ((other, _),) = [evidence.written(others[numbering.point[others] == best])]
-    if len(other) and np.linalg.norm((other[0] - places[own]) / spread) < NEAR:
+    if len(other) and np.linalg.norm((other[0] - places[own]) / spread) < POLICY.near:
         yield Slip("W113", f"exchanged with point {name}", chance, is_strong=True)
     elif chance < POLICY.likely:
         yield Slip("W112", f"it is where point {name} is", chance, is_strong=False)
