@@ -15,7 +15,7 @@ from obseq.targets.rendering import layers
 from obseq.targets.rings import Reading, Unread, code_of
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, FloatRows
+    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows, IntArray
     from obseq.targets.fits import Fit
     from obseq.targets.levels import Level
     from obseq.targets.specification import Specification
@@ -123,6 +123,7 @@ def bit_ink(image: Array, spec: Specification, placed: Placed, fit: Fit) -> Floa
     layers(figure_of(spec), bits, region, place, 3, sharp)
     parts = _blur(lines, k, sigma) @ sharp[:-1] @ _blur(columns, k, sigma).T
     inside = sharp[-1, k : k + lines, k : k + columns] > 0.0
+    inside &= ~_holds(fit.forgiven, width, low, step, inside.shape)
     y, x = np.nonzero(inside)
     design = np.column_stack((np.ones(len(x)), x - x.mean(), y - y.mean(), parts[:, inside].T))
     prior = np.r_[np.zeros(3), np.full(bits + 5, EITHER * fit.gain)]
@@ -131,6 +132,15 @@ def bit_ink(image: Array, spec: Specification, placed: Placed, fit: Fit) -> Floa
     solved = prior + np.linalg.solve(normal, design.T @ (grey[inside] - design @ prior))
     ink: FloatArray = solved[3 : 3 + bits] / solved[3 + bits]
     return ink
+
+
+def _holds(pixels: IntArray, width: int, low: IntArray, step: int, shape: tuple[int, ...]) -> BoolArray:
+    """Which cells of a window hold one of the pixels of an image."""
+    held = np.zeros(shape, dtype=bool)
+    x, y = (pixels % width - low[0]) // step, (pixels // width - low[1]) // step
+    there = (x >= 0) & (y >= 0) & (x < shape[1]) & (y < shape[0])
+    held[y[there], x[there]] = True
+    return held
 
 
 def _blur(count: int, k: int, sigma: float) -> FloatRows:

@@ -33,7 +33,8 @@ LIKE = 0.85
 FIGURE_LIKE = 0.75
 """And that the drawing of its central figure explains, before its code is read."""
 ODD = 0.3
-"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing."""
+"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing. A bit that differs
+by as much from both of its values cannot be read; of such bits there may be fewer than codes differ in."""
 SPOT_LIKE = 0.97
 """And the edge of a spot without code: of a square spot the drawing of a disc explains 0.96 at most."""
 FLAT = 1e7
@@ -247,11 +248,16 @@ class _Search:
             self._refuse(fit.placed, Unread("inside the image", 0.0, 1.0))
             return False
         reading = replace(reading, margins=2.0 * (ink - EITHER))
-        oddest = max(oddest, float(np.abs(ink - bits_drawn(one.spec, reading.code)).max()))
+        off = np.abs(ink - bits_drawn(one.spec, reading.code))
+        is_doubtful = (off > ODD) & (off < 1.0 - ODD)
+        oddest = max(oddest, float(off[~is_doubtful].max(initial=0.0)))
         if likeness < LIKE:
             self._refuse(fit.placed, Unread(f"{reading.name}: likeness", likeness, LIKE))
         elif oddest > ODD:
             self._refuse(fit.placed, Unread(f"{reading.name}: a part differs", oddest, ODD))
+        elif (doubtful := int(is_doubtful.sum())) >= one.spec.class_distance:
+            most = one.spec.class_distance - 1
+            self._refuse(fit.placed, Unread(f"{reading.name}: bits that cannot be read", doubtful, most))
         else:
             self.targets.append(_target(one, reading, fit, oddest))
             self._taken.add(fit.placed, INSIDE * np.array(one.spec.geometry.sheet))

@@ -233,13 +233,14 @@ def measures_text(measures: Sequence[Measure]) -> str:
 
 
 def block_text(measures: Sequence[Measure]) -> str:
-    """The table of measures that `obseq bundle` reads, with sigmas; no spots without code."""
-    rows = [["image", "point", "x", "y", "sx", "sy"]]
+    """The table of measures that `obseq bundle` reads, with covariances; no spots without code."""
+    rows = [["image", "point", "x", "y", "sx", "sy", "sxy"]]
     for one in measures:
         if not one.point.startswith(UNCODED):
             x, y = one.xy
             sx, sy = np.sqrt(np.diag(one.covariance))
-            rows.append([one.image, one.point, f"{x:.4f}", f"{y:.4f}", f"{sx:.5f}", f"{sy:.5f}"])
+            spread = f"{sx:.5f}", f"{sy:.5f}", f"{one.covariance[0, 1]:.4e}"
+            rows.append([one.image, one.point, f"{x:.4f}", f"{y:.4f}", *spread])
     return csv_text(rows)
 
 

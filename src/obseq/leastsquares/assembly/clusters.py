@@ -61,14 +61,19 @@ def whitened_rows(
 
 
 def whitening_of(batch: Batch) -> csr_array:
-    """(n m, n m) what whitens residuals, observation by observation: of clusters, or the weights alone."""
+    """(n m, n m) what whitens residuals, observation by observation: of clusters, roots, or the weights alone."""
     from scipy.sparse import csr_array
 
     if batch.clusters is not None:
         return batch.whitening_matrix()
-    weights = batch.weights[:, : batch.n].T.ravel()
-    each = np.arange(len(weights) + 1)
-    return csr_array((weights, each[:-1], each), shape=(len(weights), len(weights)))
+    m = batch.shape.n_residuals
+    rows, columns = np.triu_indices(m) if batch.roots.size else (np.arange(m), np.arange(m))
+    values = batch.weights[rows, : batch.n].T
+    if batch.roots.size:
+        values = values * batch.roots[:, : batch.n].T
+    first = m * np.arange(batch.n)[:, None]
+    places = (first + rows).ravel(), (first + columns).ravel()
+    return csr_array((values.ravel(), places), shape=(m * batch.n, m * batch.n))
 
 
 def are_few(rows: csr_array) -> bool:
