@@ -84,7 +84,7 @@ def measures(book, where, kinds):
 
 def between_all(book, kind, stations, where):
     """Two heights are given where the kind takes any, and there is a vertical along which they are."""
-    heights = (1.5, 2.5) if kind.is_raised and where != "geocentric" else (0.0, 0.0)
+    heights = (1.5, 2.5) if (kind.takes_heights or kind.is_raised) and where != "geocentric" else (0.0, 0.0)
     group = book.open_group(kind.name) if kind.with_unknowns or kind.name.startswith("Equal") else -1
     for a, b in permutations(range(6), 2):
         if kind.group == "Barycentre":

@@ -13,9 +13,9 @@ from obseq.formats.columns import Measure
 from obseq.reading.text import LEAST_SIGMA, quoted
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.components import DX, DY, DZ
+from obseq.survey.kinds.directions import ALPHA, BETA
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
 from obseq.survey.kinds.lengths import DIST
-from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import VECTOR, VECTOR_Y, VECTOR_Z
 from obseq.survey.model import Orientation
 

@@ -23,8 +23,8 @@ from obseq.formats.sinex.normals import (
     rows_of,
 )
 from obseq.reading.text import quoted, read_text
+from obseq.survey.kinds.coordinates import NORMAL_ROW
 from obseq.survey.kinds.geodetic import GEO_X, GEO_Y, GEO_Z
-from obseq.survey.kinds.normals import NORMAL_ROW
 from obseq.survey.model import make_points, merge_points
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from obseq.formats.tables.clusters import Clusters
 from obseq.formats.tables.table import CLUSTERED, Table, shown_in
 from obseq.printable import printable
 from obseq.reading.text import LEAST_SIGMA, quoted, read_text
-from obseq.survey.kinds.barycentres import BARY_X, BARY_Y, BARY_Z
-from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
+from obseq.survey.kinds.coordinates import BARY_X, BARY_Y, BARY_Z, POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DIST_HZ

@@ -52,7 +52,7 @@ def _of_plumb_lines(
     if first is None or last is None:
         return
     ends = observations.from_points[rows], observations.to_points[rows]
-    is_raised = kind.is_raised and family.has_heights
+    is_raised = (kind.takes_heights or kind.is_raised) and family.has_heights
     if kind.has_axes:
         turns = site.turns_of_axes(rows, coordinates)
         raised = site.offsets(rows, coordinates) if is_raised else 0.0

@@ -72,6 +72,8 @@ class OnCircle(ObservationKind):
 class AxisFoot(ObservationKind):
     """The origin of an axis is the foot of a point on it."""
 
+    depends_on_place: bool = True
+
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """Axis, origin and point."""
         origins, points = site.ends(rows)
@@ -82,24 +84,9 @@ class AxisFoot(ObservationKind):
         origins, points = site.positions(rows, coordinates)
         return np.asarray(np.maximum(np.linalg.norm(points - origins, axis=1), 1e-4))
 
-    @property
-    def depends_on_place(self) -> bool:
-        """The distance does."""
-        return True
-
 
 AXIS_RADIUS = OnCircle(
-    "AxisRadius",
-    181,
-    "distance from an axis",
-    "AxisRadius",
-    first_place=FirstPlace.CIRCLE,
-    takes_heights=False,
-    is_line=False,
+    "AxisRadius", 181, "distance from an axis", "AxisRadius", first_place=FirstPlace.CIRCLE
 )
-AXIS_PLANE = OnCircle(
-    "AxisPlane", 182, "distance from the plane of a circle", "AxisPlane", takes_heights=False, is_line=False
-)
-AXIS_LINK = AxisFoot(
-    "AxisFoot", 184, "foot of a point on an axis", "AxisLink", takes_heights=False, is_line=False
-)
+AXIS_PLANE = OnCircle("AxisPlane", 182, "distance from the plane of a circle", "AxisPlane")
+AXIS_LINK = AxisFoot("AxisFoot", 184, "foot of a point on an axis", "AxisLink")

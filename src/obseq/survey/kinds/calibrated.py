@@ -26,19 +26,8 @@ class OfInstrument(ObservationKind):
     The unknowns are those that a user asks for, by the same names.
     """
 
-    def is_linear(self, site: Site) -> bool:
-        """Linear rows."""
-        return True
-
-    @property
-    def is_raised(self) -> bool:
-        """They do."""
-        return True
-
-    @property
-    def depends_on_place(self) -> bool:
-        """Its rows are made anew."""
-        return True
+    is_raised: bool = True
+    depends_on_place: bool = True
 
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """Both ends, and the unknowns."""
@@ -154,12 +143,9 @@ def _distance(
         plain.name + suffix,
         code,
         f"{plain.words} with unknown {' and '.join(parts)}",
-        "",
         start=plain.start,
         plain=plain,
         with_unknowns=parts,
-        takes_heights=False,
-        is_line=False,
         is_plumb=plain.is_plumb,
     )
 
@@ -174,12 +160,9 @@ ZEN_REFRACTION = ZenithWithRefraction(
     "ZenK",
     164,
     "zenith angle with unknown refraction",
-    "",
     is_angle=True,
     needs_station=True,
     start=Start.ZENITH,
-    takes_heights=False,
-    is_line=False,
     plain=ZEN,
     with_unknowns=("refraction",),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,8 @@ class ScaledComponent(ObservationKind):
     """
 
     axis: int = 0
+    is_raised: bool = True
+    depends_on_place: bool = True
 
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """Station, target, and the scale of the frame."""
@@ -33,19 +36,9 @@ class ScaledComponent(ObservationKind):
         axes = np.tile(np.eye(3)[self.axis], (len(rows), 1))
         return np.hstack([site.offsets(rows, coordinates), axes])
 
-    @property
-    def is_raised(self) -> bool:
-        """They do."""
-        return True
-
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n, 1) what was read."""
         return site.measured(rows)[:, None]
-
-    @property
-    def depends_on_place(self) -> bool:
-        """Offsets do."""
-        return True
 
     def shared_unknowns(self, site: Site, rows: IntArray, coordinates: FloatArray) -> dict[str, Shared]:
         """A frame in metres."""
@@ -64,17 +57,13 @@ def _scaled(kind: ObservationKind, axis: int) -> ScaledComponent:
         family="ScaledFrame",
         plain=kind,
         with_unknowns=("frame-scale",),
-        takes_heights=False,
-        is_line=False,
         axis=axis,
     )
 
 
-DX = ObservationKind(
-    "DX", 14, "component to the right", "TopoDX", needs_station=True, orients=-1, start=Start.DX
-)
-DY = ObservationKind(
-    "DY", 15, "component to the front", "TopoDY", needs_station=True, orients=-1, start=Start.DY
-)
-DZ = ObservationKind("DZ", 16, "component upwards", "TopoDZ", needs_station=True, start=Start.DZ)
+_READ = partial(ObservationKind, needs_station=True, takes_heights=True, is_line=True)
+
+DX = _READ("DX", 14, "component to the right", "TopoDX", orients=-1, start=Start.DX)
+DY = _READ("DY", 15, "component to the front", "TopoDY", orients=-1, start=Start.DY)
+DZ = _READ("DZ", 16, "component upwards", "TopoDZ", start=Start.DZ)
 DX_SCALE, DY_SCALE, DZ_SCALE = (_scaled(kind, axis) for axis, kind in enumerate((DX, DY, DZ)))

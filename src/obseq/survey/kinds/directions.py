@@ -16,8 +16,20 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ZenithAngle(ObservationKind):
-    """A zenith angle, corrected for refraction."""
+class InstrumentAngle(ObservationKind):
+    """An angle that is read on an instrument."""
+
+    is_angle: bool = True
+    needs_station: bool = True
+    takes_heights: bool = True
+
+
+@dataclass(frozen=True)
+class ZenithAngle(InstrumentAngle):
+    """A zenith angle, corrected for refraction, which grows with the distance."""
+
+    is_refracted: bool = True
+    depends_on_place: bool = True
 
     def start_values(
         self, values: FloatArray, from_heights: FloatArray, to_heights: FloatArray
@@ -34,20 +46,12 @@ class ZenithAngle(ObservationKind):
         coefficient = site.refraction_coefficient - site.is_plane
         return -coefficient * site.slopes_of_refraction(rows, coordinates)
 
-    @property
-    def is_refracted(self) -> bool:
-        """It is."""
-        return True
-
-    @property
-    def depends_on_place(self) -> bool:
-        """Refraction grows with the distance."""
-        return True
-
 
 @dataclass(frozen=True)
 class HorizontalAngle(ObservationKind):
     """An angle at the first point, clockwise from the backsight to the last point."""
+
+    depends_on_place: bool = True
 
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """The three points."""
@@ -58,33 +62,37 @@ class HorizontalAngle(ObservationKind):
         """East, north and up at the first point."""
         return site.verticals(rows, coordinates).reshape(-1, 9)
 
-    @property
-    def depends_on_place(self) -> bool:
-        """The vertical does."""
-        return True
+
+@dataclass(frozen=True)
+class PolarAngle(InstrumentAngle):
+    """An angle of a sub-frame, counted as a mathematician does: its complement to a right angle is read."""
+
+    def start_values(
+        self, values: FloatArray, from_heights: FloatArray, to_heights: FloatArray
+    ) -> FloatArray:
+        """The directions, or the zenith angles."""
+        return np.asarray(math.pi / 2.0 - values)
 
 
-HZ = ObservationKind(
+HZ = InstrumentAngle(
     "Hz",
     5,
     "horizontal direction, clockwise",
     "TopoHz",
-    is_angle=True,
-    needs_station=True,
     orients=1,
     start=Start.HZ,
     is_of_circle=True,
+    is_line=True,
 )
-AZIM = ObservationKind(
+AZIM = InstrumentAngle(
     "Azim",
     8,
     "azimuth from geographic north, clockwise",
     "TopoHz",
-    is_angle=True,
-    needs_station=True,
     orients=1,
     start=Start.HZ,
     is_from_north=True,
+    is_line=True,
 )
 ANGLE = HorizontalAngle(
     "Angle",
@@ -94,7 +102,20 @@ ANGLE = HorizontalAngle(
     is_angle=True,
     start=Start.ANGLE,
     is_plumb=True,
-    takes_heights=False,
-    is_line=False,
 )
-ZEN = ZenithAngle("Zen", 6, "zenith angle", "TopoZen", is_angle=True, needs_station=True, start=Start.ZENITH)
+ZEN = ZenithAngle("Zen", 6, "zenith angle", "TopoZen", start=Start.ZENITH, is_line=True)
+ALPHA = PolarAngle(
+    "Alpha",
+    121,
+    "angle from the first axis of a sub-frame, counter-clockwise",
+    "TopoAlpha",
+    orients=1,
+    start=Start.HZ,
+)
+BETA = PolarAngle(
+    "Beta",
+    122,
+    "elevation above the first two axes of a sub-frame",
+    "TopoBeta",
+    start=Start.ZENITH,
+)

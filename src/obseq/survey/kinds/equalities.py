@@ -77,11 +77,7 @@ EQUAL_DH = EqualHeightDifferences(
     21,
     "equal height difference",
     "TopoDHParamOff",
-    takes_heights=False,
-    is_line=False,
     is_levelled=True,
     needs_deflections=True,
 )
-EQUAL_DIST = EqualDistances(
-    "EqualDist", 22, "equal distance", "Dist3DParam", takes_heights=False, is_line=False
-)
+EQUAL_DIST = EqualDistances("EqualDist", 22, "equal distance", "Dist3DParam")

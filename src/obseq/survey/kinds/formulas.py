@@ -70,8 +70,6 @@ def kind_of(kernel: Kernel, code: int) -> FormulaKind:
         kernel.name,
         is_angle=_unit(kernel) == "rad",
         is_absolute=len(roles) == 1,
-        takes_heights=False,
-        is_line=False,
         kernel=kernel,
         roles=roles,
         numbers=tuple(kernel.observations[k] for k in kernel.measured),

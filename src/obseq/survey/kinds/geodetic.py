@@ -31,9 +31,7 @@ def curvatures(
 class OfPlace(ObservationKind):
     """Something observed of one point, which stands at both ends of the observation."""
 
-    def is_linear(self, site: Site) -> bool:
-        """Linear rows."""
-        return True
+    is_absolute: bool = True
 
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """The point."""
@@ -50,11 +48,7 @@ class GeocentricCoordinate(OfPlace):
 
     axis: int = 0
     is_component: bool = True
-
-    @property
-    def is_raised(self) -> bool:
-        """They do."""
-        return True
+    is_raised: bool = True
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The geocentric axis, in the frame."""
@@ -76,11 +70,7 @@ class Geodetic(OfPlace):
     """
 
     axis: int = 2
-
-    @property
-    def depends_on_place(self) -> bool:
-        """The vertical turns."""
-        return True
+    depends_on_place: bool = True
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """East, north or up there, over the radius of its circle."""
@@ -113,18 +103,11 @@ class Geodetic(OfPlace):
 class EllipsoidChord(ObservationKind):
     """The straight distance between the feet of two points on the ellipsoid."""
 
-    @property
-    def depends_on_place(self) -> bool:
-        """Feet move less than their points."""
-        return True
+    depends_on_place: bool = True
 
     def problem(self, value: float) -> str | None:
         """Distances are positive."""
         return None if value > 0.0 else "is not positive"
-
-    def is_linear(self, site: Site) -> bool:
-        """Linear rows."""
-        return True
 
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """How far the feet come along the chord with their points."""
@@ -160,60 +143,18 @@ def _columns(sight: FloatArray, moves: list[FloatArray]) -> FloatArray:
     return np.hstack([-first, last])
 
 
-def _coordinate(axis: int) -> GeocentricCoordinate:
-    name = "XYZ"[axis]
-    words = f"geocentric {name} of a point"
-    return GeocentricCoordinate(
+GEO_X, GEO_Y, GEO_Z = (
+    GeocentricCoordinate(
         f"Geo{name}",
         117 + axis,
-        words,
-        "",
+        f"geocentric {name} of a point",
         first_place=FirstPlace.POSITION,
         family="Position",
-        is_absolute=True,
-        takes_heights=False,
-        is_line=False,
         axis=axis,
     )
-
-
-GEO_X, GEO_Y, GEO_Z = map(_coordinate, range(3))
-HEIGHT = Geodetic(
-    "Height",
-    151,
-    "height of a point above the ellipsoid",
-    "",
-    is_absolute=True,
-    takes_heights=False,
-    is_line=False,
+    for axis, name in enumerate("XYZ")
 )
-LATITUDE = Geodetic(
-    "Lat",
-    152,
-    "latitude of a point",
-    "",
-    is_angle=True,
-    is_absolute=True,
-    takes_heights=False,
-    is_line=False,
-    axis=1,
-)
-LONGITUDE = Geodetic(
-    "Lon",
-    153,
-    "longitude of a point",
-    "",
-    is_angle=True,
-    is_absolute=True,
-    takes_heights=False,
-    is_line=False,
-    axis=0,
-)
-CHORD = EllipsoidChord(
-    "Chord",
-    154,
-    "straight distance between feet on the ellipsoid",
-    "",
-    takes_heights=False,
-    is_line=False,
-)
+HEIGHT = Geodetic("Height", 151, "height of a point above the ellipsoid")
+LATITUDE = Geodetic("Lat", 152, "latitude of a point", is_angle=True, axis=1)
+LONGITUDE = Geodetic("Lon", 153, "longitude of a point", is_angle=True, axis=0)
+CHORD = EllipsoidChord("Chord", 154, "straight distance between feet on the ellipsoid")

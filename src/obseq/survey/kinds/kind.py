@@ -178,8 +178,12 @@ class ObservationKind:
         first_place: How it places its point before all other initial values.
         family: Kinds of one family have one equation, and may be correlated; its own name when empty.
         is_absolute: Whether one observation says where its point is, not how points lie to each other.
-        takes_heights: Whether heights of instrument and target move its ends (an `...Off` formula exists).
+        takes_heights: Whether its formula has a variant, `...Off`, for heights of instrument and target.
+        is_raised: Whether these heights move its ends without such a variant.
         is_line: Whether a line of an OBS file can hold one: the others stand in files of their own.
+        is_refracted: Whether its values are corrected for refraction, by the coefficient of the network.
+        depends_on_place: Whether context or values change with the coordinates, even without heights and
+            deflections.
         is_component: Whether it is one of the three of a vector or a position: the last three of its linear
             coefficients are its axis, in the frame.
         is_levelled: Whether it says how heights differ, and nothing of the plan.
@@ -195,7 +199,7 @@ class ObservationKind:
     name: str
     code: int
     words: str
-    formula: str
+    formula: str = ""
     is_angle: bool = False
     needs_station: bool = False
     orients: int = 0
@@ -203,8 +207,11 @@ class ObservationKind:
     first_place: FirstPlace = FirstPlace.NOTHING
     family: str = ""
     is_absolute: bool = False
-    takes_heights: bool = True
-    is_line: bool = True
+    takes_heights: bool = False
+    is_raised: bool = False
+    is_line: bool = False
+    is_refracted: bool = False
+    depends_on_place: bool = False
     is_component: bool = False
     is_levelled: bool = False
     is_from_north: bool = False
@@ -237,11 +244,6 @@ class ObservationKind:
         """Whether it is in axes that turn with the plumb line of its first point."""
         return self.needs_station or self.is_plumb
 
-    @property
-    def is_raised(self) -> bool:
-        """Whether heights of instrument and target move its ends."""
-        return self.takes_heights
-
     def slopes(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray | None:
         """(n, 6) derivatives of its residual by both points through context and value; None for none."""
         return site.slopes_of_grid(rows, coordinates)
@@ -268,7 +270,7 @@ class ObservationKind:
 
     def is_linear(self, site: Site) -> bool:
         """Whether its equation is linear rows instead of its formula."""
-        return False
+        return not self.formula
 
     def blocks(self, site: Site, rows: IntArray) -> dict[str, IntArray]:
         """The unknowns of its equation, by the names of the formula."""
@@ -284,13 +286,3 @@ class ObservationKind:
     def values(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) values that its equation takes."""
         return site.measured(rows)
-
-    @property
-    def is_refracted(self) -> bool:
-        """Whether its values are corrected for refraction, by the coefficient of the network."""
-        return False
-
-    @property
-    def depends_on_place(self) -> bool:
-        """Whether context or values change with the coordinates, even without heights and deflections."""
-        return False

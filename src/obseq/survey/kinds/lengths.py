@@ -37,14 +37,11 @@ class ReducedDistance(Distance):
 class HorizontalDistance(Distance):
     """A horizontal distance in the horizon of its first point."""
 
+    depends_on_place: bool = True
+
     def context(self, site: Site, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """The upward vertical of the first point."""
         return site.verticals(rows, coordinates)[:, 2]
-
-    @property
-    def depends_on_place(self) -> bool:
-        """The vertical does."""
-        return True
 
 
 @dataclass(frozen=True)
@@ -83,12 +80,12 @@ DH = HeightDifference(
     "height of the target above the origin",
     "TopoDH",
     start=Start.RISE,
-    takes_heights=False,
+    is_line=True,
     is_levelled=True,
     needs_deflections=True,
 )
 DIST_HZ0 = ReducedDistance(
-    "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", start=Start.FLAT, takes_heights=False
+    "DistHz0", 2, "horizontal distance at height 0", "TopoDistHz0", start=Start.FLAT, is_line=True
 )
 DIST_HZ = HorizontalDistance(
     "DistHz",
@@ -97,5 +94,16 @@ DIST_HZ = HorizontalDistance(
     "TopoDistHz",
     start=Start.FLAT,
     is_plumb=True,
+    takes_heights=True,
+    is_line=True,
 )
-DIST = Distance("Dist", 3, "slope distance", "TopoDist", start=Start.DISTANCE, horizontal=DIST_HZ)
+DIST = Distance(
+    "Dist",
+    3,
+    "slope distance",
+    "TopoDist",
+    start=Start.DISTANCE,
+    horizontal=DIST_HZ,
+    takes_heights=True,
+    is_line=True,
+)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from obseq.errors import InputError
 from obseq.kernels import load
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
-from obseq.survey.kinds.barycentres import BARY_X, BARY_Y, BARY_Z
 from obseq.survey.kinds.calibrated import (
     DIST_CONSTANT,
     DIST_CONSTANT_SCALE,
@@ -22,14 +21,12 @@ from obseq.survey.kinds.calibrated import (
     ZEN_REFRACTION,
 )
 from obseq.survey.kinds.components import DX, DX_SCALE, DY, DY_SCALE, DZ, DZ_SCALE
-from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
-from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
+from obseq.survey.kinds.coordinates import BARY_X, BARY_Y, BARY_Z, NORMAL_ROW, POINT_X, POINT_Y, POINT_Z
+from obseq.survey.kinds.directions import ALPHA, ANGLE, AZIM, BETA, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
 from obseq.survey.kinds.formulas import FormulaKind, kind_of
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ, DIST_HZ0
-from obseq.survey.kinds.normals import NORMAL_ROW
-from obseq.survey.kinds.polar import ALPHA, BETA
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 
 if TYPE_CHECKING:

@@ -24,15 +24,7 @@ class VectorComponent(ObservationKind):
 
     axis: int = 0
     is_component: bool = True
-
-    def is_linear(self, site: Site) -> bool:
-        """The frame only turns it."""
-        return True
-
-    @property
-    def is_raised(self) -> bool:
-        """They do."""
-        return True
+    is_raised: bool = True
 
     def direction(self, site: Site, rows: IntArray) -> FloatArray:
         """(3,) its axis, in the frame."""
@@ -58,37 +50,25 @@ class GeocentricComponent(VectorComponent):
         return np.asarray(rotation[self.axis])
 
 
-def _geocentric(axis: int) -> GeocentricComponent:
-    name = "XYZ"[axis]
-    words = f"geocentric {name} of a vector"
-    return GeocentricComponent(
+VECTOR, VECTOR_Y, VECTOR_Z = (
+    GeocentricComponent(
         f"V{name}",
         107 + axis,
-        words,
-        "TopoSubFrame",
+        f"geocentric {name} of a vector",
         first_place=FirstPlace.VECTOR,
         family="Vector",
-        takes_heights=False,
-        is_line=False,
         axis=axis,
     )
-
-
-def _of_frame(axis: int) -> VectorComponent:
-    name = "XYZ"[axis]
-    words = f"{name.lower()} of a vector, along the axes of the frame"
-    return VectorComponent(
+    for axis, name in enumerate("XYZ")
+)
+LOCAL_X, LOCAL_Y, LOCAL_Z = (
+    VectorComponent(
         f"L{name}",
         131 + axis,
-        words,
-        "TopoSubFrame",
+        f"{name.lower()} of a vector, along the axes of the frame",
         first_place=FirstPlace.LOCAL_VECTOR,
         family="LocalVector",
-        takes_heights=False,
-        is_line=False,
         axis=axis,
     )
-
-
-VECTOR, VECTOR_Y, VECTOR_Z = map(_geocentric, range(3))
-LOCAL_X, LOCAL_Y, LOCAL_Z = map(_of_frame, range(3))
+    for axis, name in enumerate("XYZ")
+)
