@@ -48,14 +48,13 @@ def test_targets_of_a_photograph_have_the_names_that_are_known() -> None:
 
 @needs_data
 def test_targets_on_a_car_have_names_that_the_original_does_not_give() -> None:
-    """Ten bits, chequers upright. Over 00 and 08, the two that the original names, it drew ellipse and frame."""
+    """Ten bits, chequers upright. Over 00 and 08, which the original names it drew: too much over 00."""
     spec = made("IGNDroneSym", 10)
     spec = replace(spec, geometry=replace(spec.geometry, angle=0.0))
     grey = read_picture(DATA / "real" / "mmvii_training3_car_result.jpg").grey
     found = {target.name: target.centre for target in Finder([spec]).find(grey).targets}
-    assert found.keys() == {"00", "08", "10", "11"}
+    assert found.keys() == {"08", "10", "11"}
     assert found["08"] == pytest.approx([732, 433], abs=1.5)  # where the drawn axes cross
-    assert found["00"] == pytest.approx([891, 267], abs=1.5)
 
 
 def test_a_few_pixels_that_show_something_else_move_nothing(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
@@ -73,19 +72,25 @@ def test_a_few_pixels_that_show_something_else_move_nothing(sets, camera, scene)
     assert target.centre == pytest.approx(plain.centre, abs=0.02)
 
 
-def test_bits_that_cannot_be_read_are_fewer_than_codes_differ_in(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
-    """Codes are three bits apart: two of twelve may be grey, with three nothing has a name."""
-    image, (truth,) = scene(camera, [sets["IGNDroneSym"]], count=1, sizes=(120.0, 120.0), tilts=(0.0, 5.0))
-    (plain,) = Finder([sets["IGNDroneSym"]]).find(image).targets
-    half = plain.spec.geometry.radii[3]
+def test_bits_may_be_unreadable_as_long_as_others_tell_targets_apart(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    """Grey bits of a target: its name stays as long as those that are left say it, also with an error."""
+    spec = sets["IGNDroneSym"]
+    image, (truth,) = scene(camera, [spec], count=1, sizes=(120.0, 120.0), tilts=(0.0, 5.0))
+    (plain,) = Finder([spec]).find(image).targets
+    half = spec.geometry.radii[3]
     across, up = 2.0 * half / 6, half * (math.sqrt(2.0) - 1.0)
-    for count, names in ((2, [truth.name]), (3, [])):
-        hidden = image.copy()
+    named = []
+    for count in (1, 2, 3):
+        hidden, is_readable = image.copy(), np.arange(spec.bits) >= count
         for u in np.linspace(0.0, count * across, 60 * count):
             for v in np.linspace(0.0, up, 60):
                 x, y = np.round(plain.fit.placed.pixels(np.array([[u - half, -half - v]]))[0]).astype(int)
                 hidden[y, x] = plain.fit.offset + 0.5 * plain.fit.gain
-        assert [target.name for target in Finder([sets["IGNDroneSym"]]).find(hidden).targets] == names
+        found = [target.name for target in Finder([spec]).find(hidden).targets]
+        is_certain = spec.apart(truth.name, is_readable) >= 2 and spec.chance(is_readable) < 0.1
+        assert found == ([truth.name] if is_certain else [])
+        named.append(bool(found))
+    assert named[0] and not all(named)
 
 
 @pytest.mark.parametrize("family", ["CERN", "IGNIndoor", "IGNDroneSym", "IGNDroneTop"])

@@ -61,7 +61,7 @@ def whitened_rows(
 
 
 def whitening_of(batch: Batch) -> csr_array:
-    """(n m, n m) what whitens residuals, observation by observation: of clusters, roots, or the weights alone."""
+    """(n m, n m) what whitens residuals, observation by observation: of clusters, roots or weights."""
     from scipy.sparse import csr_array
 
     if batch.clusters is not None:
