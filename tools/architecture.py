@@ -34,7 +34,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "compilation": (),
     "records": (),
     "geometry": (),
-    "crs": (),
+    "crs": ("geometry",),
     "formulas": (),
     "report": ("records", "reading"),
     "reading": (),

@@ -45,12 +45,18 @@ LOOPS = {
         "pattern_rows",
     ),
     "obseq.leastsquares.loops.leverages": ("leverages",),
+    "obseq.leastsquares.loops.neighbours": (
+        "join_bodies",
+        "list_neighbours",
+        "place_bodies",
+        "write_links",
+    ),
     "obseq.leastsquares.loops.schur_complement": (
-        "body_pairs",
         "eliminate",
         "substitute_back",
         "subtract_sums",
     ),
+    "obseq.leastsquares.loops.sorting": ("count_numbers", "number_pairs", "put_in_order"),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),
     "obseq.leastsquares.solvers.dense_loops": (
         "factor_columns",

@@ -23,6 +23,7 @@ FloatCubes: TypeAlias = NDArray[np.float64]
 """Three dimensions."""
 
 IntRows: TypeAlias = NDArray[np.int64]
+IndexRows: TypeAlias = NDArray[np.int32]
 PositionRows: TypeAlias = NDArray[np.uint32]
 
 Array: TypeAlias = NDArray[Any]

@@ -172,7 +172,7 @@ def test_an_unknown_coordinate_system_is_named(frame: str, site: Path, capsys) -
 def test_options_that_lack_another_one_are_refused(site: Path, capsys) -> None:
     assert_refused(site, capsys, "--snooping-level goes with --snooping", "--snooping-level", "0.1")
     assert main(["adjust", "site.obs"]) == 2
-    assert "or observation files (--obs) and point files (--cor)" in capsys.readouterr().err
+    assert "Files of observations and of points" in capsys.readouterr().err
 
 
 def test_what_hangs_on_nothing_is_left_out_or_refused(site: Path, capsys) -> None:
@@ -357,7 +357,7 @@ def test_messages_name_what_to_write(site: Path, capsys) -> None:
     said = capsys.readouterr().err
     assert "a number with its unit (sec, arcsec, cc, mgon, gon, deg, rad) is needed" in said
     assert main(["adjust", "--sigmas", "distance=2mm", "a.dat"]) == 2
-    assert "give a project (before options that take several values)" in capsys.readouterr().err
+    assert "What to adjust? Files of observations and of points" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("strategy", ["gauss-newton", "levenberg-marquardt", "dogleg", "qr"])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from obseq import InputError
-from obseq.cli import main as command
+from obseq.cli import commands as command
 from obseq.cli import versions
 from obseq.cli.main import main
 
@@ -23,7 +23,7 @@ def raising(error: BaseException):
 @pytest.fixture
 def fail_with(monkeypatch):
     """Make `obseq versions` raise an error."""
-    monkeypatch.setattr(command, "parser", command.parser.__wrapped__)
+    monkeypatch.setattr("obseq.cli.main.parser", command.parser.__wrapped__)
     return lambda error: monkeypatch.setattr(versions, "run", raising(error))
 
 
@@ -79,7 +79,7 @@ def test_wrong_arguments_are_exit_code_2(arguments, capsys) -> None:
 
 def test_a_command_without_files_says_what_it_needs(capsys) -> None:
     assert main(["adjust"]) == 2
-    assert "or observation files (--obs) and point files (--cor)" in capsys.readouterr().err
+    assert "Files of observations and of points (obseq adjust site.obs site.cor" in capsys.readouterr().err
 
 
 def test_every_command_explains_itself(capsys) -> None:
@@ -125,9 +125,9 @@ def test_a_full_disk_behind_standard_output_is_said() -> None:
     [
         (
             ["adjust", "--iteratons", "3"],
-            "obseq adjust: error: there is no option --iteratons; did you mean --iterations?",
+            "obseq adjust: there is no option --iteratons; did you mean --iterations?",
         ),
-        (["demo", "--ou=x", "--oot=x"], "obseq demo: error: there is no option --oot; did you mean --out?"),
+        (["demo", "--ou=x", "--oot=x"], "obseq demo: there is no option --oot; did you mean --out?"),
         (["demo", "--zzzzzzzzz"], "there is no option --zzzzzzzzz"),
         (["adjust", "--datum", "innr"], "; did you mean inner?"),
         (["adjst"], "; did you mean adjust?"),

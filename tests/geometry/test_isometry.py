@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from obseq.geometry import DegenerateGeometryError, RigidMotion, exponential, isometry, triangle_isometry
+from obseq.geometry import DegenerateGeometryError, RigidMotion, exponential, isometry, similarity
 
 SQUARE = np.array([[-10.0, 0.0, 0.0], [0.0, -50.0, 0.0], [20.0, 0.0, 0.0], [0.0, 50.0, 0.0]])
 
@@ -29,19 +29,18 @@ def test_a_flat_square_gives_the_motion_back(seed) -> None:
 @given(st.integers(0, 10_000))
 def test_three_pairs_give_it_exactly(seed) -> None:
     true, points = motion(seed), SQUARE[[0, 1, 2]] + [1.0, 2.0, 3.0]
-    for found in (triangle_isometry(points, true.to_world(points)), isometry(points, true.to_world(points))):
-        assert found.rotation == pytest.approx(true.rotation, abs=1e-13)
-        assert found.centre == pytest.approx(true.centre, abs=1e-11)
+    found = isometry(points, true.to_world(points))
+    assert found.rotation == pytest.approx(true.rotation, abs=1e-13)
+    assert found.centre == pytest.approx(true.centre, abs=1e-11)
 
 
-def test_triangle_takes_first_point_and_first_side() -> None:
-    # 3-4-5 triangle; the target is 1 m wider: the first point and the direction of the first side are kept
-    source = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
-    target = np.array([[7.0, 0.0, 0.0], [7.0, 0.0, 4.0], [7.0, 4.0, 4.0]])
-    found = triangle_isometry(source, target)
-    assert found.to_world(source[0]) == pytest.approx(target[0])
-    assert found.to_world(source[1]) == pytest.approx([7.0, 0.0, 3.0])
-    assert found.to_world(source[2]) == pytest.approx([7.0, 4.0, 3.0])
+@given(st.integers(0, 10_000))
+def test_a_similarity_finds_the_scale_too(seed) -> None:
+    true = motion(seed)
+    scale, found = similarity(SQUARE, 2.5 * true.to_world(SQUARE))
+    assert scale == pytest.approx(2.5)
+    assert found.rotation == pytest.approx(true.rotation, abs=1e-12)
+    assert found.centre == pytest.approx(2.5 * true.centre, abs=1e-10)
 
 
 def test_least_squares_beats_its_neighbours() -> None:
@@ -62,22 +61,19 @@ def test_far_coordinates_lose_little() -> None:
     assert found.to_world(source) == pytest.approx(true.to_world(source), abs=1e-8)
 
 
-@pytest.mark.parametrize("solve", [isometry, triangle_isometry])
-def test_collinear_points_are_refused(solve) -> None:
+def test_collinear_points_are_refused() -> None:
     line = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]])
     with pytest.raises(DegenerateGeometryError, match=r"3 source points are on one line.*Add a point"):
-        solve(line, SQUARE[:3])
+        isometry(line, SQUARE[:3])
     with pytest.raises(DegenerateGeometryError, match="3 target points are on one line"):
-        solve(SQUARE[:3], line)
+        isometry(SQUARE[:3], line)
     with pytest.raises(DegenerateGeometryError, match="at one place"):
-        solve(np.zeros((3, 3)), np.zeros((3, 3)))
+        isometry(np.zeros((3, 3)), np.zeros((3, 3)))
 
 
 def test_too_few_or_bad_pairs_are_refused() -> None:
     with pytest.raises(DegenerateGeometryError, match="needs three pairs of points, there are 2"):
         isometry(SQUARE[:2], SQUARE[:2])
-    with pytest.raises(DegenerateGeometryError, match="three points, not 4"):
-        triangle_isometry(SQUARE, SQUARE)
     with pytest.raises(DegenerateGeometryError, match=r"not \(4, 3\) and \(3, 3\)"):
         isometry(SQUARE, SQUARE[:3])
     unknown = SQUARE.copy()

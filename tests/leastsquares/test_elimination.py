@@ -71,9 +71,7 @@ def test_each_iteration_is_the_same():
         assert other.cost == pytest.approx(one.cost, rel=1e-8)
 
 
-@pytest.mark.parametrize("portion", [10, 4_000_000])
-def test_the_reduced_matrix_is_the_schur_complement(portion, monkeypatch):
-    monkeypatch.setattr("obseq.leastsquares.assembly.bodies.PORTION", portion)
+def test_the_reduced_matrix_is_the_schur_complement():
     whole, points, *_ = bundle(False, seed=3)
     reduced = bundle(True, seed=3)[0]
     full, small = whole.equations(), reduced.equations(reduced=True)

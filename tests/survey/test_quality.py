@@ -53,7 +53,8 @@ def test_redundancy_numbers_sum_up_and_standardise_the_residuals(demo) -> None:
 
 
 def test_nothing_is_computed_that_was_not_asked_for(demo, monkeypatch) -> None:
-    for name in ("reliability", "snoop", "variance_components", "relative_precision"):
+    monkeypatch.setattr("obseq.survey.fieldwork.snooped", None)
+    for name in ("reliability", "variance_components", "relative_precision"):
         monkeypatch.setattr(f"obseq.survey.adjustment.quality.{name}", None)
     record = demo.adjust(quality=Quality(reliability=False)).record()
     assert (record.reliability, record.snooping, record.variance_components, record.relative) == (None,) * 4

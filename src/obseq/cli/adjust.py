@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec import structs
 
 from obseq.boundary import Boundary
-from obseq.cli.network_files import Source, add_network_arguments, given, source_of
+from obseq.cli.network_files import COMMON, Source, add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.quality import add_quality_arguments, quality_of
@@ -37,17 +37,17 @@ if TYPE_CHECKING:
     from obseq.survey import Network
 
 MORE = """
-The observations are read from OBS files, the points from COR files: known points with their
+Observations and points are told apart by what the files are (obseq help formats): known points with their
 sigma, free points with or without approximate coordinates. What is missing is computed from the
 observations. Prints a summary; --out writes all the results in a folder."""
 
 EXAMPLE = """\
-example:
-  obseq adjust --obs day1.obs day2.obs --cor points.cor --points-crs IGNF:LAMB93 \\
-      --point-sigma 0.001 --out results
-  obseq adjust --obs levels.obs --cor levels.cor
-  obseq adjust project.comp --json result.json
+examples:
+  obseq adjust levels.obs levels.cor
+  obseq adjust day1.obs day2.obs points.cor --points-crs IGNF:LAMB93 --point-sigma 0.001 --out results
+  obseq adjust project.comp --show points --units ft dms"""
 
+EXITS = """\
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
 the JSON); 1 the iterations did not converge, points were left out, or observations that no file switches
 off, gross errors are suspected, or snooping or --without-accused left some out; 2 could not run"""
@@ -107,7 +107,10 @@ def _beside(path: Path) -> Path:
 
 def register(commands: Commands) -> None:
     """Add the command to the parser."""
-    command = add_command(commands, "adjust", run, "adjust a survey network by least squares", MORE, EXAMPLE)
+    purpose = "adjust a survey network by least squares"
+    command = add_command(
+        commands, "adjust", run, purpose, MORE, EXAMPLE, exits=EXITS, common=(*COMMON, "datum", "snooping")
+    )
     add_network_arguments(command)
     computation = command.add_argument_group("iterations")
     computation.add_argument(

@@ -44,20 +44,39 @@ placed by resection, or from their neighbours. With --obs and --cor, survey obse
 same adjustment."""
 
 EXAMPLE = """\
-example:
+examples:
   obseq bundle --cameras cameras.csv --images images.csv --control control.csv \\
       --measures measures.csv --image-sigma 0.5 --out results
   obseq bundle --bal problem.txt --datum centres --ply block.ply
+  obseq bundle --colmap sparse/0 --control control.csv --out results
 
 columns (commas or blanks, any order; # begins a comment):
   cameras   name width height focal [ppx ppy K1 K2 K3 p1 p2 b1 b2 ...]       pixels
   images    image camera [x y z omega phi kappa]   degrees; or w p k, yaw pitch roll, qw qx qy qz
   control   point x y z [sigma, or sx sy sz]       0: held; empty: free
-  measures  image point x y [sigma, or sx sy, sxy]      pixels
+  measures  image point x y [sigma, or sx sy, sxy]      pixels"""
 
+EXITS = """\
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
 the JSON); 1 not converged, something left out, a gross error suspected, or half of the measures of the
 block, of an image or of a point rejected; 2 could not run"""
+
+COMMON = (
+    *(
+        "help",
+        "help_all",
+        "cameras",
+        "images",
+        "control",
+        "measures",
+        "obs",
+        "cor",
+        "colmap",
+        "metashape",
+    ),
+    *("image_sigma", "control_sigma", "freeze", "datum", "out", "quiet", "verbose", "show"),
+)
+"""What most users need."""
 
 FILES = {
     "json": ("bundle.json", "every result at full precision"),
@@ -73,7 +92,8 @@ FILES = {
 
 def register(commands: Commands) -> None:
     """Add the command to the parser."""
-    command = add_command(commands, "bundle", run, "adjust a block of images", MORE, EXAMPLE)
+    purpose = "adjust a block of images"
+    command = add_command(commands, "bundle", run, purpose, MORE, EXAMPLE, exits=EXITS, common=COMMON)
     add_sources(command)
     _add_computation(command)
     results = command.add_argument_group("results")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import TYPE_CHECKING
 
-from obseq.cli.parsing import Commands, add_command
+from obseq.cli.parsing import Commands, add_command, meant
 from obseq.errors import InputError
 from obseq.printable import printable
 
@@ -80,6 +79,4 @@ def _coded(code: str) -> Page:
     known = {page.code: page for pages in sections().values() for page in pages}
     if (found := known.get(code.upper())) is not None:
         return found
-    near = difflib.get_close_matches(code.upper(), known, n=1)
-    meant = f"; did you mean {near[0]}?" if near else ""
-    raise InputError(f"there is no cause {code}{meant} (`obseq causes` lists them)")
+    raise InputError(f"there is no cause {code}{meant(code, known)} (`obseq causes` lists them)")

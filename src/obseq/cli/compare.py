@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obseq.cli.network_files import Source, add_network_arguments, source_of
+from obseq.cli.network_files import COMMON, Source, add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, add_units, shown_in
@@ -25,10 +25,12 @@ epochs rest on inner constraints of the reference points and are fitted together
 and the others are named."""
 
 EXAMPLE = """\
-example:
-  obseq compare --obs may.obs --cor points.cor --obs-2 october.obs --out moved
-  obseq compare may.gkf --project-2 october.gkf --reference P1 P2 P3 P4
+examples:
+  obseq compare may.obs points.cor --obs-2 october.obs
+  obseq compare may.obs points.cor --obs-2 october.obs --level 0.01 --out moved
+  obseq compare may.gkf --project-2 october.gkf --reference P1 P2 P3 P4"""
 
+EXITS = """\
 exit code: 0 nothing has moved significantly; 1 something has, or an epoch is incomplete, or a gross error
 is suspected in one (no verdict then): the last line says which; 2 could not run"""
 MOST = 8
@@ -39,7 +41,8 @@ NAMES = ("comparison.json", "comparison.txt", "comparison.csv", "comparison.html
 def register(commands: Commands) -> None:
     """Add the command to the parser."""
     purpose = "say what has moved between two epochs of a network"
-    command = add_command(commands, "compare", run, purpose, MORE, EXAMPLE)
+    common = (*COMMON, "obs_2", "cor_2", "project_2", "reference", "points", "level")
+    command = add_command(commands, "compare", run, purpose, MORE, EXAMPLE, exits=EXITS, common=common)
     add_network_arguments(command)
     second = command.add_argument_group("second epoch")
     second.add_argument("--obs-2", nargs="+", type=Path, metavar="FILE", help="its observation files (OBS)")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.gencode import generate
-from obseq.cli.parsing import Commands, add_command
+from obseq.cli.parsing import Commands, add_command, meant
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
@@ -105,7 +104,6 @@ def _named(name: str) -> Spelling:
 
     if name in BY_NAME:
         return BY_NAME[name]
-    folded = {known.lower(): known for known in BY_NAME}
-    near = difflib.get_close_matches(name.lower(), folded, n=1)
-    meant = f"; did you mean {folded[near[0]]}?" if near else ""
-    raise InputError(f"MMVII's command {name} has no counterpart here{meant} (`obseq mmvii` lists them)")
+    raise InputError(
+        f"MMVII's command {name} has no counterpart here{meant(name, BY_NAME)} (`obseq mmvii` lists them)"
+    )

@@ -19,6 +19,12 @@ Options: TypeAlias = dict[str, Any]
 """Arguments of a reader, by name."""
 
 
+COMMON = (
+    *("help", "help_all", "project", "points_crs", "frame", "point_sigma", "instrument"),
+    *("out", "units", "quiet", "verbose", "show"),
+)
+"""Arguments of commands on networks that most users need."""
+
 IGNORABLE = ("heights", "relative-sigmas", "deflections", "after-sigma", "frames", "reductions")
 
 
@@ -204,8 +210,8 @@ def source_of(arguments: argparse.Namespace) -> Source:
         return Source([], [], _project_options(arguments, reading, obs, cor), project)
     if not obs or not cor:
         raise InputError(
-            "give a project (before options that take several values), or observation files (--obs) and "
-            "point files (--cor): options only where the names of files do not say which is which"
+            "What to adjust? Files of observations and of points (obseq adjust site.obs site.cor; --obs and "
+            "--cor say which is which), or a project (obseq adjust site.comp)."
         )
     if arguments.geoid is not None:
         reading["geoid"] = arguments.geoid

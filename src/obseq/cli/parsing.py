@@ -6,21 +6,35 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from copy import copy
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from obseq.writing import STANDARD_OUTPUT
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Commands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 CHOICE = re.compile(r"invalid choice: '?(?P<word>[^' ]+)'? \(choose from (?P<known>.*)\)")
 """What argparse says of a word that is none of those it takes."""
+CLAUSE = re.compile(r" \(|[;:.] |, for instance")
+"""What ends the first clause of a help."""
+CANNOT_RUN = 2
+"""Exit code of a line that is wrong."""
 Run = Callable[[argparse.Namespace], int]
 
 
 def add_command(
-    commands: Commands, name: str, run: Run, purpose: str, more: str = "", example: str | None = None
-) -> argparse.ArgumentParser:
+    commands: Commands,
+    name: str,
+    run: Run,
+    purpose: str,
+    more: str = "",
+    example: str | None = None,
+    *,
+    exits: str = "",
+    common: Collection[str] = (),
+) -> "CommandParser":
     """Add a subcommand.
 
     Args:
@@ -30,16 +44,32 @@ def add_command(
         purpose: Its line in the list of commands, and the beginning of its help.
         more: The rest of the description.
         example: What ends its help.
+        exits: What its exit codes mean, of a command with `common` arguments.
+        common: The arguments that `--help` shows, the others are shown by `--help-all`; none for all.
     """
-    command: argparse.ArgumentParser = commands.add_parser(
+    command = commands.add_parser(
         name,
         help=purpose,
-        description=f"{purpose[0].upper()}{purpose[1:]}.\n{more}",
-        epilog=example,
+        description=f"{purpose[0].upper()}{purpose[1:]}.\n{more}" + (f"\n\n{example}" if common else ""),
+        epilog=exits if common else example,
+        usage=f"obseq {name} FILES [options]" if common else None,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.set_defaults(run=run)
+    command.add_argument(
+        "--help-all", action=HelpAll, help="show all options" if common else argparse.SUPPRESS
+    )
+    command.purpose, command.common = purpose, frozenset(common)
     return command
+
+
+class HelpAll(argparse._HelpAction):
+    """What shows all that a command takes, and ends."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> NoReturn:
+        """Print it."""
+        print(argparse.ArgumentParser.format_help(parser), end="")
+        parser.exit()
 
 
 class Given(argparse.Action):
@@ -59,15 +89,48 @@ class Given(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
+class Screen(argparse.RawDescriptionHelpFormatter):
+    """Shows some arguments only, in one list, each with the first clause of its help."""
+
+    def __init__(self, prog: str, *, common: Collection[str] = ()) -> None:
+        super().__init__(prog)
+        self.common, self.is_open = common, False
+
+    def start_section(self, heading: str | None) -> None:
+        """Begin the list with the first section."""
+        if not self.is_open:
+            super().start_section("often used")
+        self.is_open = True
+
+    def end_section(self) -> None:
+        """Go on: the next section stands in the same list."""
+
+    def add_text(self, text: str | None) -> None:
+        """Add a text; that after the list ends it."""
+        if text and self.is_open:
+            super().end_section()
+        super().add_text(text)
+
+    def add_argument(self, action: argparse.Action) -> None:
+        """Show an argument, if it is a common one."""
+        if action.dest in self.common:
+            shown = copy(action)
+            shown.help = action.help and CLAUSE.split(action.help)[0]
+            super().add_argument(shown)
+
+
 class Parser(argparse.ArgumentParser):
-    """A parser that says what a misspelt word may have been."""
+    """A parser that says in one line what is wrong, and what a misspelt word may have been."""
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the line, and end."""
         choice = CHOICE.search(message)
         if choice:
-            message += _meant(choice["word"], [name.strip("' ") for name in choice["known"].split(",")])
-        super().error(message)
+            known = [name.strip("' ") for name in choice["known"].split(",")]
+            if "COMMAND" in message:
+                message = f"no command {choice['word']} ({self.prog} --help lists them)"
+            message += meant(choice["word"], known)
+        self.exit(CANNOT_RUN, f"{self.prog}: {message}\n")
 
 
 class CommandParser(Parser):
@@ -78,6 +141,8 @@ class CommandParser(Parser):
     forgets all values but the last ones; here they add up.
     """
 
+    purpose = ""
+    common: frozenset[str] = frozenset()
     _is_intermixed = False
 
     def __init__(self, **options: Any) -> None:
@@ -88,6 +153,18 @@ class CommandParser(Parser):
         """Take a word that says what follows it: it stands in its place."""
         self._is_intermixed = True
         return super().add_subparsers(**options)
+
+    def format_help(self) -> str:
+        """The help; of a command with common arguments, what fits on a screen."""
+        if not self.common:
+            return super().format_help()
+        whole = self.formatter_class, self.epilog
+        self.formatter_class = partial(Screen, common=self.common)
+        self.epilog = f"All options: {self.prog} --help-all. Exit codes: obseq help exit-codes."
+        try:
+            return super().format_help()
+        finally:
+            self.formatter_class, self.epilog = whole
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse options first, then what is left; an option that is not known ends it."""
@@ -100,15 +177,16 @@ class CommandParser(Parser):
             self._is_intermixed = False
         unknown = [word.partition("=")[0] for word in rest if word.startswith("--")]
         if unknown:
-            options = re.findall(r"--[\w-]+", self.format_usage())
-            self.error(f"there is no option {unknown[0]}{_meant(unknown[0], options)}")
+            options = re.findall(r"--[\w-]+", argparse.ArgumentParser.format_help(self))
+            self.error(f"there is no option {unknown[0]}{meant(unknown[0], options)}")
         return found, rest
 
 
-def _meant(word: str, known: Iterable[str]) -> str:
+def meant(word: str, known: Iterable[str]) -> str:
     """What a misspelt word may have been, as the end of a sentence; nothing where no known one is near."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"; did you mean {near[0]}?" if near else ""
+    folded = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), folded, n=1, cutoff=0.6)
+    return f"; did you mean {folded[near[0]]}?" if near else ""
 
 
 def output_file(text: str) -> Path:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from obseq.cli.network_files import add_network_arguments, given, source_of
+from obseq.cli.network_files import COMMON, add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number, probability
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, add_units, shown_in
@@ -23,9 +23,12 @@ there. Prints precisions and reliability to expect, the weakest points and direc
 observation would bring."""
 
 PLAN_EXAMPLE = """\
-example:
-  obseq plan --obs intended.obs --cor approximate.cor --draws 500 --out plan
+examples:
+  obseq plan intended.obs approximate.cor
+  obseq plan intended.obs approximate.cor --points-crs EPSG:2056 --draws 500 --out plan
+  obseq plan project.comp --points P1 P2 --most 20"""
 
+PLAN_EXITS = """\
 exit code: 0 planned; 1 something is undetermined, or drawn errors disagree; 2 could not run"""
 
 SIMULATE = """
@@ -42,7 +45,8 @@ example:
 def register(commands: Commands) -> None:
     """Add the commands to the parser."""
     purpose = "say what a network will be worth before it is measured"
-    command = add_command(commands, "plan", run, purpose, PLAN, PLAN_EXAMPLE)
+    common = (*COMMON, "draws", "points", "most", "ellipses")
+    command = add_command(commands, "plan", run, purpose, PLAN, PLAN_EXAMPLE, exits=PLAN_EXITS, common=common)
     add_network_arguments(command)
     wanted = command.add_argument_group("what is wanted")
     wanted.add_argument(

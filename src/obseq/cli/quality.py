@@ -32,8 +32,8 @@ def add_quality_arguments(command: argparse.ArgumentParser) -> None:
     quality.add_argument(
         "--snooping",
         choices=("w", "tau"),
-        help="leave out blunders one at a time: w where the sigmas are trusted, tau where only their "
-        "proportions are",
+        help="leave out the observations of errors that are named, where nothing else explains them as well: "
+        "w where the sigmas are trusted, tau where only their proportions are",
     )
     quality.add_argument(
         "--snooping-level",

@@ -50,7 +50,7 @@ def add_units(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
         nargs="+",
         metavar="UNIT",
         default=(),
-        help="of the reports: m, ft or us-ft, and gon, degree or dms (without it those of the files; JSON "
+        help="units of the reports, of m, ft, us-ft, gon, degree, dms (without it those of the files; JSON "
         "always holds metres and radians)",
     )
 
@@ -83,7 +83,7 @@ def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None
     group.add_argument(
         "-v", "--verbose", action="store_true", help="print iterations, residuals, all notes, times"
     )
-    purpose = "print tables as well: points, observations, known"
+    purpose = "print tables as well, of points, observations or known coordinates"
     group.add_argument("--show", nargs="+", choices=SHOWN, metavar="TABLE", default=(), help=purpose)
 
 

@@ -22,6 +22,7 @@ ARRAYS = {
     "PositionArray": ("uint32", 1),
     "PositionRows": ("uint32", 2),
     "IndexArray": ("int32", 1),
+    "IndexRows": ("int32", 2),
     "KeyArray": ("uint64", 1),
     "ByteArray": ("uint8", 1),
     "ByteRows": ("uint8", 2),

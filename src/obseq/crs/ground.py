@@ -17,6 +17,7 @@ from obseq.crs.point_arrays import check_finite
 from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError
+from obseq.geometry import similarity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -115,12 +116,12 @@ def _ground_of(definition: str, place: tuple[float, float, float]) -> Ground:
     equatorial, flattening = _shape(definition)
     geodetic = np.column_stack([_degrees(definition, given), given[:, 2]])
     own = _cartesian(equatorial, flattening).forward(geodetic)
-    rotation, translation, scale = _similarity(there, own)
-    left = np.linalg.norm(scale * there @ rotation.T + translation - own, axis=1).max()
+    scale, motion = similarity(there, own)
+    left = np.linalg.norm(scale * there @ motion.rotation.T + motion.centre - own, axis=1).max()
     if left > _RIGID:
         raise CrsError(_bent(definition, float(left)))
     squared = flattening * (2.0 - flattening)
-    return Ground(equatorial, flattening, squared, rotation, translation, scale)
+    return Ground(equatorial, flattening, squared, motion.rotation, motion.centre, scale)
 
 
 @lru_cache(maxsize=64)
@@ -173,14 +174,3 @@ def _degrees(definition: str, given: FloatArray) -> FloatArray:
             Transformer.from_crs(plan, geodetic, always_xy=True).transform(*given[:, :2].T), axis=1
         )
     return np.asarray(np.rad2deg(found * geodetic.axis_info[0].unit_conversion_factor))
-
-
-def _similarity(points: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Rotation, translation and scale that bring points (n, 3) onto targets, by least squares (Umeyama)."""
-    middles = points.mean(axis=0), targets.mean(axis=0)
-    a, b = points - middles[0], targets - middles[1]
-    left, sizes, right = np.linalg.svd(b.T @ a)
-    handed = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    rotation = (left * handed) @ right
-    scale = float((sizes * handed).sum() / np.square(a).sum())
-    return rotation, middles[1] - scale * rotation @ middles[0], scale

@@ -15,6 +15,7 @@ from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.dataclass import dataclass
+from obseq.geometry import rotation_x, rotation_y, rotation_z
 
 Coordinates = tuple[float, float, float]
 
@@ -129,10 +130,7 @@ def local_euclidean(definition: str, translation: FloatArray, angles: FloatArray
         translation: (3,), metres.
         angles: omega, phi, kappa, radians; the three rotations are right-handed.
     """
-    (co, cp, ck), (so, sp, sk) = np.cos(angles), np.sin(angles)
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, co, -so], [0.0, so, co]])
-    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    about_z = np.array([[ck, -sk, 0.0], [sk, ck, 0.0], [0.0, 0.0, 1.0]])
+    about_x, about_y, about_z = rotation_x(angles[0]), rotation_y(angles[1]), rotation_z(angles[2])
     return RigidSystem(definition, about_x @ about_y @ about_z, np.array(translation))
 
 

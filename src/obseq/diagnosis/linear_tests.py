@@ -83,11 +83,12 @@ class LinearTests:
             policy: How it is judged.
         """
         self.linear, self.hypotheses, self.policy = linear, hypotheses, policy
-        self.norm = np.maximum(columns.norms(), _TINY)
-        self._columns = columns.scaled(self.norm)
-        left = linear.left(linear.residuals)
+        lengths, unit = np.maximum(columns.norms(), _TINY), policy.variance**0.5
+        self.norm = lengths / unit
+        self._columns = columns.scaled(lengths)
+        left = linear.left(linear.residuals) / unit
         self.cost = float(left @ left)
-        self.off = self._columns.shown(linear.residuals)
+        self.off = self._columns.shown(linear.residuals) / unit
         self.shown = self._columns.shown(left)
         self._across: dict[int, FloatArray] = {}
         self._given: dict[tuple[int, ...], Given] = {}

@@ -13,6 +13,7 @@ class Policy:
 
     Attributes:
         false_alarm: Probability of any accusation where nothing is wrong, all tests together. Chosen.
+        variance: Variance factor of the given sigmas: 1 where they are trusted.
         power: B-method: tests of any number of equations find the same error with it (Baarda's 80 %).
         odds: Likelihood ratio from which one explanation is told from another: 5, 20, 100 gave the same.
         unseen: Share of its own weight below which a column shows nothing: its inverse magnifies rounding.
@@ -46,6 +47,7 @@ class Policy:
     """
 
     false_alarm: float = 0.005
+    variance: float = 1.0
     power: float = 0.80
     odds: float = 20.0
     unseen: float = 1e-4

@@ -263,7 +263,8 @@ def listing() -> str:
     named: dict[str, list[str]] = {}
     for known in FORMATS:
         named.setdefault(known.name, []).extend([*known.suffixes, *([XML] if known.roots else [])])
-    return ", ".join(f"{name} ({' '.join(dict.fromkeys(ends))})" for name, ends in named.items())
+    found = ((name, " ".join(dict.fromkeys(ends))) for name, ends in named.items())
+    return ", ".join(f"{name} ({ends})" if ends else name for name, ends in found)
 
 
 def _of_root(path: Path) -> Format:

@@ -3,7 +3,7 @@
 from obseq.arrays import FloatArray
 from obseq.errors import DegenerateGeometryError
 from obseq.geometry.attitudes import FORMS, attitude_jacobian, attitudes, rotations_from
-from obseq.geometry.isometry import isometry, triangle_isometry
+from obseq.geometry.isometry import isometry, similarity
 from obseq.geometry.matrices import inverse3, sums_by_owner
 from obseq.geometry.poses import RigidMotion
 from obseq.geometry.rotations import (
@@ -34,7 +34,7 @@ __all__ = [
     "rotation_y",
     "rotation_z",
     "rotations_from",
+    "similarity",
     "skew",
     "sums_by_owner",
-    "triangle_isometry",
 ]

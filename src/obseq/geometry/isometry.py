@@ -27,28 +27,12 @@ def isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> RigidMotion:
     return RigidMotion(end_mean - rotation @ start_mean, rotation)
 
 
-def triangle_isometry(source: npt.ArrayLike, target: npt.ArrayLike) -> RigidMotion:
-    """The pose that takes the frame of one triangle (3, 3) to that of another, points in rows.
-
-    It takes the first point to the first, the first side along the first side, and one plane to the other;
-    it is exact if the triangles have equal sides (MMVII section 9.2: origin P0, x along P1 - P0, z along
-    (P1 - P0) x (P2 - P1)).
-
-    Raises:
-        DegenerateGeometryError: if the points of one triangle are collinear.
-    """
-    start, end = _pairs(source, target)
-    if len(start) != 3:
-        raise DegenerateGeometryError(f"A triangle has three points, not {len(start)}.")
-    return _triangle_frame(end) @ _triangle_frame(start).inverse()
-
-
-def _triangle_frame(points: FloatArray) -> RigidMotion:
-    along = points[1] - points[0]
-    x = along / np.linalg.norm(along)
-    normal = np.cross(along, points[2] - points[1])
-    z = normal / np.linalg.norm(normal)
-    return RigidMotion(points[0], np.stack([x, np.cross(z, x), z], axis=-1))
+def similarity(source: FloatArray, target: FloatArray) -> tuple[float, RigidMotion]:
+    """Scale and motion that take points (n, 3), not on a line, closest to others (Umeyama, 1991)."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    rotation = closest_rotation(b.T @ a)
+    scale = float(np.sum((a @ rotation.T) * b) / np.sum(a * a))
+    return scale, RigidMotion(target.mean(axis=0) - scale * rotation @ source.mean(axis=0), rotation)
 
 
 def _pairs(source: npt.ArrayLike, target: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

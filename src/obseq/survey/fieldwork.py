@@ -11,6 +11,7 @@ import numpy as np
 from obseq.boundary import Boundary
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.diagnosis.policy import POLICY
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.shown_units import METRIC, ShownUnits
@@ -24,6 +25,7 @@ from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.singular_words import free_motions_in_words
 from obseq.survey.diagnosing.diagnosis import record_of
 from obseq.survey.diagnosing.network_model import NetworkModel, started
+from obseq.survey.diagnosing.snooping import Snooped, snooped, snooping_record
 from obseq.survey.initial.initial_values import InitialValues, values_by
 from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.left_out import Determined, leave_out
@@ -32,6 +34,7 @@ from obseq.survey.model import join
 
 if TYPE_CHECKING:
     from obseq import crs
+    from obseq.diagnosis.policy import Policy
     from obseq.leastsquares import LeastSquaresResult
     from obseq.report.units import Units
     from obseq.survey.adjustment.adjusted import Adjustment
@@ -232,12 +235,16 @@ class Fieldwork:
         check_scales(given, equations, self._equations, computation.whole)
         check_sights(given.book, given.initial)
         Plumb(self.frame, given.points).check(given.book, given.initial.orientations)
-        found = self._computed_somehow(given, equations, computation, boundary, strict=strict)
+        is_snooped = computation.quality.snooping is not None
+        first = computation.plain() if is_snooped else computation
+        found = self._computed_somehow(given, equations, first, boundary, strict=strict)
         with computation.watch.phase("diagnosis"):
-            diagnosis = self._diagnosed(found, computation, boundary)
+            model = self._model(found.start, found.solved(first.quality))
+            out = self._judged(model, found.adjustment, computation, boundary)
+        diagnosis = out.diagnosis
         if strict and diagnosis.accused:
             raise InputError(listed_errors(diagnosis))
-        adjustment = found.adjustment
+        adjustment = self._without(found, model, out, computation) if is_snooped else found.adjustment
         odd = boundary.attempt("the test of sigmas", lambda: odd_sigmas(adjustment, self.units), ())
         adjustment = replace(adjustment, notes=(*adjustment.notes, *odd), diagnosis=diagnosis)
         return adjustment.announcing(replaced).warned(*mirrored).failing(boundary.failures)
@@ -280,29 +287,49 @@ class Fieldwork:
             raise InputError(f"{listed_errors(told)}\n{reason}") from failed
         raise failed
 
-    def _recorded(self, model: NetworkModel) -> DiagnosisRecord:
-        """What is wrong with a network."""
+    def _recorded(self, model: NetworkModel, policy: Policy = POLICY) -> DiagnosisRecord:
+        """What is wrong with a network, judged by a policy."""
 
         def begun(points: Points, book: FieldBook) -> Determined:
             start = Determined(points, book, self._computed(points, book, Choice()))
             return leave_out(start, start.initial.unplaced)
 
-        return record_of(model, self.units, begun, lambda start: self._model(start, None))
+        return record_of(model, self.units, begun, lambda start: self._model(start, None), policy)
 
     def _model(self, given: Determined, solved: tuple[Equations, LeastSquaresResult] | None) -> NetworkModel:
         """A network as its diagnosis sees it."""
         return NetworkModel(self._equations, given, solved, (self.units, self.point_system))
 
-    def _diagnosed(self, found: Computed, computation: Computation, boundary: Boundary) -> DiagnosisRecord:
-        """What is wrong with an adjustment; undecided where that cannot be found out."""
-        quality = computation.quality
-        is_as_given = quality.snooping is None and not quality.variance_components
-        solved = (found.equations, found.adjustment.solution) if is_as_given else None
-        return boundary.attempt(
-            _DIAGNOSIS,
-            lambda: self._recorded(self._model(found.start, solved)),
-            DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed"),
+    def _judged(
+        self, model: NetworkModel, adjustment: Adjustment, computation: Computation, boundary: Boundary
+    ) -> Snooped:
+        """What is wrong with an adjustment, undecided where that fails; what snooping leaves out of it."""
+        wanted = computation.quality
+        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed")
+
+        def found() -> Snooped:
+            if wanted.snooping is None:
+                return Snooped(self._recorded(model), POLICY)
+            return snooped(partial(self._recorded, model), wanted, adjustment)
+
+        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
+
+    def _without(
+        self, found: Computed, model: NetworkModel, out: Snooped, computation: Computation
+    ) -> Adjustment:
+        """The adjustment without what snooping leaves out, if that leaves everything determined."""
+        rows, start, is_needed = out.rows(len(found.start.book.observations)), found.start, False
+        try:
+            near = started(model) if out.gone else start
+            after = computation.computed(replace(near, book=near.book.without(rows)), strict=bool(out.gone))
+        except SingularSystemError:
+            out, rows, is_needed = replace(out, gone=()), np.zeros_like(rows), True
+            after = computation.computed(start, strict=False)
+        told = snooping_record(
+            out, computation.quality, start.book, found.adjustment, after.adjustment, is_needed=is_needed
         )
+        quality = replace(after.adjustment.quality, rejected=rows, snooping=told)
+        return replace(after.adjustment, quality=quality)
 
     def _check_datum(self) -> None:
         """Raises InputError when nothing says where any point is, with the rank deficiency if it shows."""

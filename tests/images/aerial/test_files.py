@@ -8,8 +8,6 @@ from obseq.errors import InputError
 from obseq.images.aerial import (
     HeightType,
     Shots,
-    ground_text,
-    image_text,
     read_camera,
     read_ground_points,
     read_image_points,
@@ -133,16 +131,6 @@ def test_a_measure_given_twice_is_refused(tmp_path):
     path = written(tmp_path, "P a 1 2\nP b 1 2\nP a 1 3\n")
     with pytest.raises(InputError, match=r"f\.opk:3: P a was given before, in line 1"):
         read_image_points(path)
-
-
-def test_points_come_back(tmp_path):
-    pixels = np.array([[1.25, 2.5], [3.0, 4.0]])
-    text = image_text(["P", "Q"], ["a", "b"], pixels)
-    found = read_image_points(written(tmp_path, text))
-    assert (found.names, found.shots) == (("P", "Q"), ("a", "b"))
-    np.testing.assert_array_equal(found.pixels, pixels)
-    text = ground_text(["P"], np.array([[1.0, 2.0, 3.0]]))
-    assert read_ground_points(written(tmp_path, text), "PXYZ").coordinates.tolist() == [[1.0, 2.0, 3.0]]
 
 
 def test_a_camera_without_final_newline(tmp_path):

@@ -5,8 +5,6 @@ from .control import residual_statistics as residual_statistics
 from .files import BadLine as BadLine
 from .files import GroundPoints as GroundPoints
 from .files import ImagePoints as ImagePoints
-from .files import ground_text as ground_text
-from .files import image_text as image_text
 from .files import read_camera as read_camera
 from .files import read_ground_points as read_ground_points
 from .files import read_image_points as read_image_points

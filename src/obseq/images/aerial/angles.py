@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
+from obseq.geometry.attitudes import TURNS
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
@@ -51,7 +52,7 @@ def matrices_from_angles(angles: FloatArray, order: str = "opk") -> FloatArray:
     """Rotations (n, 3, 3) from the map to image axes, of stored angles (n, 3), radians."""
     turned = np.eye(3)
     for axis, angle in zip(axes_of(order), angles.T, strict=True):
-        turned = turned @ _elementary(axis, angle)
+        turned = turned @ TURNS[axis](angle)
     return _FLIP[:, None] * np.swapaxes(turned, -1, -2)
 
 
@@ -64,14 +65,3 @@ def angles_from_matrices(matrices: FloatArray, order: str = "opk") -> FloatArray
     second = np.arcsin(np.clip(sign * turned[..., a, c], -1.0, 1.0))
     third = np.arctan2(-sign * turned[..., a, b], turned[..., a, a])
     return np.stack([first, second, third], axis=-1)
-
-
-def _elementary(axis: int, angle: FloatArray) -> FloatArray:
-    """Right-handed rotations (n, 3, 3) about one axis."""
-    found = np.zeros((*angle.shape, 3, 3))
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    found[..., axis, axis] = 1.0
-    found[..., i, i] = found[..., j, j] = np.cos(angle)
-    found[..., j, i] = np.sin(angle)
-    found[..., i, j] = -found[..., j, i]
-    return found

@@ -225,23 +225,6 @@ def shots_text(shots: Shots, header: str = SHOTS, *, unit: str = "degree", order
     return "\n".join(lines) + "\n"
 
 
-def ground_text(
-    names: Sequence[str], coordinates: FloatArray, digits: tuple[int, int, int] = (4, 4, 4)
-) -> str:
-    """A file of ground points: name and three coordinates with so many decimals."""
-    lines = [
-        " ".join([name, *(f"{value:.{count}f}" for value, count in zip(place, digits, strict=True))])
-        for name, place in zip(names, coordinates, strict=True)
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def image_text(names: Sequence[str], shots: Sequence[str], pixels: FloatArray, digits: int = 3) -> str:
-    """A file of image points: point, shot, column, line."""
-    rows = zip(names, shots, pixels, strict=True)
-    return "".join(f"{name} {shot} {x:.{digits}f} {y:.{digits}f}\n" for name, shot, (x, y) in rows)
-
-
 _Row = dict[str, "str | float"]
 
 

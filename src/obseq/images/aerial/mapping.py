@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.cached import cached_property
+from obseq.crs import east_north_up
 from obseq.errors import CrsError
 from obseq.images.aerial.ellipsoid import Ellipsoid
 
@@ -73,10 +74,6 @@ class MapSystem:
         x, y = self._to_geodetic.transform(lon, lat, direction="INVERSE")
         return np.stack([np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)], axis=-1)
 
-    def wgs84(self, plan: FloatArray) -> FloatArray:
-        """Longitude and latitude (n, 2) on WGS 84, degrees, of map points (n, 2): for maps in browsers."""
-        return self.to_system(plan, "EPSG:4326")
-
     def to_system(self, plan: FloatArray, definition: str) -> FloatArray:
         """Coordinates (n, 2) of map points (n, 2) in another system, easting or longitude first.
 
@@ -123,22 +120,12 @@ class MapSystem:
         They turn geocentric vectors into the local frame of the map.
         """
         place = self.geodetic(plan) if geodetic is None else geodetic
-        east, north, up = _east_north_up(place)
+        east, north, up = np.moveaxis(east_north_up(*place.T), -1, 0)
         turn = self.convergence(place)[:, None]
         return np.stack(
             [np.cos(turn) * east + np.sin(turn) * north, -np.sin(turn) * east + np.cos(turn) * north, up],
             axis=1,
         )
-
-
-def _east_north_up(geodetic: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Unit vectors, each (n, 3), at longitude and latitude (n, 2), radians."""
-    lon, lat = _columns(geodetic)
-    (sin_lon, cos_lon), (sin_lat, cos_lat) = ((np.sin(angle), np.cos(angle)) for angle in (lon, lat))
-    east = np.stack([-sin_lon, cos_lon, np.zeros_like(lon)], axis=-1)
-    north = np.stack([-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat], axis=-1)
-    up = np.stack([cos_lat * cos_lon, cos_lat * sin_lon, sin_lat], axis=-1)
-    return east, north, up
 
 
 def _columns(pairs: FloatArray) -> FloatArray:

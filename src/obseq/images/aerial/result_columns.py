@@ -60,7 +60,7 @@ class Table:
     def geojson(self, system: MapSystem) -> str:
         """One point feature per row, in WGS 84 as RFC 7946 wants; map coordinates stay properties."""
         plan = np.column_stack([np.asarray(self.columns[axis], dtype=np.float64) for axis in "xy"])
-        places = system.wgs84(plan)
+        places = system.to_system(plan, "EPSG:4326")
         features = [
             {
                 "type": "Feature",

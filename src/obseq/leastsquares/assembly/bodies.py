@@ -12,17 +12,13 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.leastsquares.loops.loop_arguments import Bodies
+from obseq.leastsquares.loops.sorting import as_indices, distinct_pairs, sorted_by
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import IntArray, IntRows, PositionArray
+    from obseq.arrays import IndexArray, IntArray, IntRows, PositionArray
     from obseq.leastsquares.assembly.schur import Met
     from obseq.leastsquares.loops.loop_arguments import Groups
     from obseq.leastsquares.problem.unknowns import UnknownTable
-
-PORTION = 4_000_000
-"""Pairs of bodies that are looked at together: 32 MB."""
 
 
 @dataclass(frozen=True)
@@ -81,37 +77,27 @@ def fill_of(table: UnknownTable, groups: Groups, met: Met, count: IntArray) -> t
     body = _bodies(met, len(count))
     members = _members(body, count)
     heights = _padded(members, np.diff(members.bounds))
-    slots, bounds, of_met = _slots(met, body)
+    group = np.repeat(np.arange(len(met.bounds) - 1), np.diff(met.bounds))
+    found = distinct_pairs(as_indices(group), body[met.blocks], len(met.bounds) - 1, len(heights))
+    slots, bounds = found.second, found.starts
     ends = np.concatenate([[0], np.cumsum(heights[slots])])
     part = ends[:-1] - np.repeat(ends[bounds[:-1]], np.diff(bounds))
     place = np.zeros(len(count), dtype=np.int64)
     place[members.blocks] = members.place
-    links = groups.links.copy()
-    links[:, 1] = (part[of_met] + place[met.blocks])[met.of_link]
-    pairs = _distinct_pairs(slots, bounds, len(heights))
-    high, low = pairs // max(len(heights), 1), pairs % max(len(heights), 1)
-    width = np.bincount(np.repeat(np.arange(len(heights)), np.diff(members.bounds)), members.count)
-    sums = np.concatenate([[0], np.cumsum(heights[high] * width.astype(np.int64)[low])])
-    pulls = np.cumsum(heights) - heights
+    groups.links[:, 1] = (part[found.number] + place[met.blocks])[met.of_link]
+    width = np.add.reduceat(members.count, members.bounds[:-1])
+    pairs, sums, places = _pairs(slots, bounds, found.first, heights, width)
     columns, column_bounds = _columns(members)
-    bodies = Bodies(
-        slots,
-        bounds,
-        part,
-        _places(slots, bounds, len(heights), pairs, sums),
-        columns,
-        column_bounds,
-        heights,
-        pulls,
-        int(np.max(np.diff(ends[bounds]), initial=0)) + 4,
-    )
-    summed = _summed(members, high, low, heights, sums)
-    order = np.argsort(summed[:, 2:].min(axis=1), kind="stable")
-    summed = np.ascontiguousarray(summed[order])
+    pulls = np.cumsum(heights) - heights
+    widest = int(np.max(np.diff(ends[bounds]), initial=0)) + 4
+    bodies = Bodies(slots, bounds, part, places, columns, column_bounds, heights, pulls, widest)
+    summed = _summed(members, pairs, heights, sums)
+    order, _ = sorted_by(as_indices(summed[:, 2:].min(axis=1)), len(count))
+    summed = summed[order]
     whole = np.repeat(pulls, np.diff(column_bounds)) + columns
     ends = summed[:, 2:]
     fill = Fill(bodies, int(sums[-1]), whole, members.blocks, ends.min(axis=1), ends.max(axis=1), summed)
-    return groups._replace(links=links, threes=_threes(table, groups, met, count)), fill
+    return groups._replace(threes=_threes(table, groups, met, count)), fill
 
 
 def _no_fill(n_groups: int) -> Fill:
@@ -120,25 +106,27 @@ def _no_fill(n_groups: int) -> Fill:
     return Fill(bodies, 0, none, none, none, none, none.reshape(0, 4))
 
 
-def _bodies(met: Met, n_blocks: int) -> IntArray:
+def _bodies(met: Met, n_blocks: int) -> IndexArray:
     """(n_blocks,) body of each block, numbered by the lowest block of each; -1 where no group meets it."""
-    order = np.argsort(met.blocks, kind="stable")
+    order, bounds = sorted_by(as_indices(met.blocks), n_blocks)
     groups = np.repeat(np.arange(len(met.bounds) - 1), np.diff(met.bounds))[order]
-    blocks, begin = np.unique(met.blocks[order], return_index=True)
     numbers: dict[bytes, int] = {}
-    bodies = np.full(n_blocks, -1, dtype=np.int64)
-    for block, first, last in zip(blocks.tolist(), begin, [*begin[1:], len(groups)], strict=True):
-        bodies[block] = numbers.setdefault(groups[first:last].tobytes(), len(numbers))
+    bodies = np.full(n_blocks, -1, dtype=np.int32)
+    for block in np.diff(bounds).nonzero()[0].tolist():
+        who = groups[bounds[block] : bounds[block + 1]].tobytes()
+        bodies[block] = numbers.setdefault(who, len(numbers))
     return bodies
 
 
-def _members(body: IntArray, count: IntArray) -> _Members:
-    blocks = np.flatnonzero(body >= 0)
-    blocks = blocks[np.argsort(body[blocks], kind="stable")]
-    bounds = np.searchsorted(body[blocks], np.arange(int(body.max(initial=-1)) + 2))
+def _members(body: IndexArray, count: IntArray) -> _Members:
+    blocks, bounds = sorted_by(body, int(body.max(initial=-1)) + 1)
     padded = (count[blocks] + 3) // 4 * 4
     return _Members(
-        blocks, bounds, _from_first(padded, bounds), _from_first(count[blocks], bounds), count[blocks]
+        blocks.astype(np.int64),
+        bounds,
+        _from_first(padded, bounds),
+        _from_first(count[blocks], bounds),
+        count[blocks],
     )
 
 
@@ -161,48 +149,36 @@ def _columns(members: _Members) -> tuple[IntArray, IntArray]:
     return np.repeat(members.place, members.count) + within, ends[members.bounds]
 
 
-def _slots(met: Met, body: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """The bodies that each group meets, their bounds, and the slot of each of the blocks (n_met,)."""
-    group = np.repeat(np.arange(len(met.bounds) - 1), np.diff(met.bounds))
-    n = int(body.max(initial=-1)) + 1
-    slots, of_met = np.unique(group * n + body[met.blocks], return_inverse=True)
-    bounds = np.searchsorted(slots, np.arange(len(met.bounds)) * n)
-    return slots % max(n, 1), bounds, of_met
+def _pairs(
+    slots: IntArray, bounds: IntArray, group: IntArray, heights: IntArray, width: IntArray
+) -> tuple[IntRows, IntArray, PositionArray]:
+    """Pairs of bodies (high, low) that groups meet, where their sums begin, and `places` as of `Bodies`.
 
+    Args:
+        slots: as of `Bodies`.
+        bounds: the same.
+        group: (n_slots,) group of each slot.
+        heights: (n_bodies,) lengths of the rows of bodies.
+        width: (n_bodies,) their unknowns.
+    """
+    from obseq.leastsquares.loops.neighbours import join_bodies, place_bodies
 
-def _pair_keys(slots: IntArray, bounds: IntArray, n: int) -> Iterator[IntArray]:
-    """Keys high * n + low of all pairs of bodies, in the order of elimination, in portions."""
-    from obseq.leastsquares.loops.schur_complement import body_pairs
-
+    n = len(heights)
+    used_by = bounds, slots, group, *sorted_by(as_indices(slots), n)
+    pairs = np.empty((0, 2), dtype=np.int64)
+    pairs = np.empty((join_bodies(*used_by, np.full(n, -1), pairs), 2), dtype=np.int64)
+    join_bodies(*used_by, np.full(n, -1), pairs)
+    sums = np.concatenate([[0], np.cumsum(heights[pairs[:, 0]] * width[pairs[:, 1]])])
     met = np.diff(bounds)
-    total = np.concatenate([[0], np.cumsum(met * (met + 1) // 2)])
-    first = 0
-    while first < len(met):
-        last = max(first + 1, int(np.searchsorted(total, total[first] + PORTION, side="right")) - 1)
-        keys = np.empty(total[last] - total[first], dtype=np.int64)
-        body_pairs(bounds, slots, first, last, n, keys)
-        yield keys
-        first = last
+    ends = np.cumsum(met * (met + 1) // 2)
+    places = np.empty(ends[-1], dtype=np.uint32)
+    place_bodies(*used_by, pairs, sums, np.empty(n, dtype=np.int64), ends - met * (met + 1) // 2, places)
+    return pairs, sums, places
 
 
-def _distinct_pairs(slots: IntArray, bounds: IntArray, n: int) -> IntArray:
-    """The distinct keys of pairs of bodies, ascending."""
-    distinct = np.zeros(0, dtype=np.int64)
-    for keys in _pair_keys(slots, bounds, n):
-        distinct = np.union1d(distinct, keys)
-    return distinct
-
-
-def _places(slots: IntArray, bounds: IntArray, n: int, pairs: IntArray, sums: IntArray) -> PositionArray:
-    """(n_pairs,) place of the sums of each pair of slots, in fours, in the order of elimination."""
-    quads = (sums // 4).astype(np.uint32)
-    found = [quads[np.searchsorted(pairs, keys)] for keys in _pair_keys(slots, bounds, n)]
-    return np.concatenate([np.zeros(0, dtype=np.uint32), *found])
-
-
-def _summed(members: _Members, high: IntArray, low: IntArray, heights: IntArray, sums: IntArray) -> IntRows:
+def _summed(members: _Members, pairs: IntRows, heights: IntArray, sums: IntArray) -> IntRows:
     """(n_pairs, 4) as of `Fill`: the pairs of blocks of all pairs of bodies, each once."""
-    n = np.diff(members.bounds)
+    n, (high, low) = np.diff(members.bounds), pairs.T
     each = n[high] * n[low]
     pair = np.repeat(np.arange(len(high)), each)
     number = np.arange(len(pair)) - np.repeat(np.cumsum(each) - each, each)

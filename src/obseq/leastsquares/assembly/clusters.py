@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from scipy.sparse import csr_array
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntRows
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
@@ -22,14 +22,12 @@ FEW = 20_000
 """Entries of a matrix up to which it is multiplied as a dense one: sparse products take longer to begin."""
 
 
-def cluster_keys(batches: Sequence[Batch], live: BoolArray, n: int) -> Iterator[IntArray]:
-    """Keys low * n + high of the pairs of different live blocks (n_blocks,) that clusters join."""
-    for batch in batches:
-        for members in batch.clusters.members if batch.clusters is not None else ():
-            blocks = np.unique(batch.blocks[:, members // batch.shape.n_residuals])
-            blocks = blocks[live[blocks]]
-            low, high = np.triu_indices(len(blocks), 1)
-            yield blocks[low] * n + blocks[high]
+def cluster_pairs(batch: Batch, live: BoolArray) -> Iterator[IntRows]:
+    """(2, n_pairs) pairs of different live blocks (n_blocks,), ascending, that each cluster joins."""
+    for members in batch.clusters.members if batch.clusters is not None else ():
+        blocks = np.unique(batch.blocks[:, members // batch.shape.n_residuals])
+        blocks = blocks[live[blocks]]
+        yield blocks[np.array(np.triu_indices(len(blocks), 1))]
 
 
 def whitened_rows(

@@ -9,19 +9,16 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.leastsquares.assembly.clusters import cluster_keys
+from obseq.leastsquares.assembly.clusters import cluster_pairs
+from obseq.leastsquares.loops.sorting import as_indices, distinct_pairs
 from obseq.leastsquares.solvers import SymmetricPattern
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, IntArray
+    from obseq.arrays import BoolArray, IndexArray, IntArray
     from obseq.leastsquares.problem.batches import Batch
     from obseq.leastsquares.problem.numbering import FreeUnknowns
-
-
-FEW_KEYS = 1000
-"""So many keys more than there are occurrences are listed rather than sorted."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ class BlockPairs:
 
     rows: IntArray
     columns: IntArray
-    occurrence: IntArray
+    occurrence: IndexArray
 
     @cached_property
     def low(self) -> IntArray:
@@ -58,25 +55,32 @@ def role_pairs(n_roles: int) -> tuple[tuple[int, int], ...]:
 
 def block_pairs(batches: Sequence[Batch], live: BoolArray) -> BlockPairs:
     """Every pair of live blocks (n_blocks,) that some observation joins."""
-    n = max(len(live), 1)
-    joined = np.concatenate([_occurrences(batches, live), *cluster_keys(batches, live, n)])
-    distinct, occurrence = _distinct(joined, n * n)
-    if distinct.size and distinct[0] < 0:
-        distinct, occurrence = distinct[1:], occurrence - 1
-    return BlockPairs(distinct % n, distinct // n, occurrence)
+    rows, columns, n_scattered = _occurrences(batches, live)
+    found = distinct_pairs(columns, rows, len(live), len(live))
+    return BlockPairs(found.second, found.first, found.number[:n_scattered])
 
 
-def _occurrences(batches: Sequence[Batch], live: BoolArray) -> IntArray:
-    """The keys of all occurrences; those of clusters come behind, which nothing is scattered to."""
+def _occurrences(batches: Sequence[Batch], live: BoolArray) -> tuple[IndexArray, IndexArray, int]:
+    """Row and column block of all occurrences, -1 where one of the two is not live, and how many there are.
+
+    Those of clusters come behind, which nothing is scattered to.
+    """
     from obseq.leastsquares.loops.block_places import list_pairs
 
     counts = [batch.n * len(role_pairs(len(batch.blocks))) for batch in batches]
-    keys, first = np.empty(sum(counts), dtype=np.int64), 0
+    joined = [pairs for batch in batches for pairs in cluster_pairs(batch, live)]
+    n_scattered = sum(counts)
+    rows, columns = np.empty((2, n_scattered + sum(pairs.shape[1] for pairs in joined)), dtype=np.int32)
+    first = 0
     for batch, count in zip(batches, counts, strict=True):
         if count:
-            list_pairs(batch.blocks, live, keys, first)
+            list_pairs(batch.blocks, live, rows, columns, first)
         first += count
-    return keys
+    for pairs in joined:
+        last = first + pairs.shape[1]
+        columns[first:last], rows[first:last] = pairs
+        first = last
+    return rows, columns, n_scattered
 
 
 def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[SymmetricPattern, IntArray]:
@@ -91,25 +95,17 @@ def matrix_pattern(free: FreeUnknowns, low: IntArray, high: IntArray) -> tuple[S
 
     n, count = len(free.count), free.count
     live = count.nonzero()[0]
-    distinct, inverse = _distinct(np.concatenate([live * (n + 1), low * n + high]), n * n)
-    column, row = np.divmod(distinct, max(n, 1))
+    found = distinct_pairs(
+        as_indices(np.concatenate([live, low])), as_indices(np.concatenate([live, high])), n, n
+    )
+    column, row = found.first, found.second
     nnz = int(count[row] @ count[column]) - int(count @ (count - 1)) // 2
     offsets, indptr = np.empty_like(row), np.empty(len(free.scalars) + 1, dtype=np.int64)
     indices = np.empty(nnz, dtype=np.int32)
     pattern_rows(column, row, count, free.first, offsets, indptr, indices)
-    return SymmetricPattern(len(free.scalars), indptr, indices), offsets[inverse[len(live) :]]
+    return SymmetricPattern(len(free.scalars), indptr, indices), offsets[found.number[len(live) :]]
 
 
 def ranks(counts: IntArray) -> IntArray:
     """0, 1, ..., count - 1 for each count, one after the other."""
     return np.arange(counts.sum()) - (counts.cumsum() - counts).repeat(counts)
-
-
-def _distinct(keys: IntArray, limit: int) -> tuple[IntArray, IntArray]:
-    """The distinct ones of keys from -1 to before a limit, ascending, and which of them each key is."""
-    if limit > FEW_KEYS + len(keys):
-        return np.unique(keys, return_inverse=True)
-    is_there = np.zeros(limit + 1, dtype=bool)
-    is_there[keys + 1] = True
-    rank = is_there.cumsum() - 1
-    return is_there.nonzero()[0] - 1, rank[keys + 1]

@@ -18,9 +18,10 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.loops.loop_arguments import Groups
+from obseq.leastsquares.loops.sorting import distinct_pairs, sorted_by
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, IntArray
+    from obseq.arrays import BoolArray, IndexArray, IntArray, IntRows
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
@@ -41,7 +42,7 @@ class Met:
 
     blocks: IntArray
     bounds: IntArray
-    of_link: IntArray
+    of_link: IndexArray
 
 
 def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> tuple[Groups, Met]:
@@ -53,22 +54,25 @@ def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolA
     if not eliminated.any():
         return _no_groups(table.n_scalars)
     of_row, of_column = eliminated[pairs.rows], eliminated[pairs.columns]
-    within = np.flatnonzero(of_row & of_column)
+    within = of_row & of_column
     group = _connected(eliminated, pairs.rows[within], pairs.columns[within])
-    blocks = np.flatnonzero(eliminated)
-    blocks = blocks[np.argsort(group[blocks], kind="stable")]
-    steps = np.arange(int(group.max(initial=-1)) + 2)
-    block_bounds = np.searchsorted(group[blocks], steps)
+    n_groups = int(group.max()) + 1
+    blocks, block_bounds = sorted_by(group, n_groups)
     local = _numbered_within(table, blocks, group[blocks])
     _refuse_large(table, blocks, block_bounds, local)
-    within = within[np.argsort(group[pairs.rows[within]], kind="stable")]
-    inner = np.column_stack([within, pairs.rows[within], pairs.columns[within]])
-    inner_bounds = np.searchsorted(group[pairs.rows[within]], steps)
-    turned = of_column | _are_threes(table, pairs)
-    met, links, link_bounds = _met(pairs, of_row ^ of_column, turned, of_column, group, steps)
-    threes = np.zeros(len(block_bounds) - 1, dtype=np.int64)
+    inner, inner_bounds = sorted_by(np.where(within, group[pairs.rows], -1), n_groups)
+    inner_pairs = np.array([inner, pairs.rows[inner], pairs.columns[inner]]).T
+    met, links, link_bounds = _met(table, pairs, group, n_groups)
     groups = Groups(
-        blocks, block_bounds, inner, inner_bounds, links, link_bounds, threes, local, _most(local)
+        blocks.astype(np.int64),
+        block_bounds,
+        np.ascontiguousarray(inner_pairs),
+        inner_bounds,
+        links,
+        link_bounds,
+        np.zeros(n_groups, dtype=np.int64),
+        local,
+        _most(local),
     )
     return groups, met
 
@@ -86,16 +90,17 @@ def _are_threes(table: UnknownTable, pairs: BlockPairs) -> BoolArray:
 def _no_groups(n_scalars: int) -> tuple[Groups, Met]:
     none, start = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     pairs, links, local = none.reshape(0, 3), none.reshape(0, 5), np.full(n_scalars, -1)
-    return Groups(none, start, pairs, start, links, start, none, local, 1), Met(none, start, none)
+    met = Met(none, start, none.astype(np.int32))
+    return Groups(none, start, pairs, start, links, start, none, local, 1), met
 
 
 def _most(local: IntArray) -> int:
     return int(local.max(initial=0)) + 1
 
 
-def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IntArray:
+def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IndexArray:
     """(n_blocks,) group of each eliminated block, -1 for the others."""
-    group = np.where(eliminated, np.cumsum(eliminated) - 1, -1)
+    group = np.where(eliminated, np.cumsum(eliminated, dtype=np.int32) - 1, -1).astype(np.int32)
     if len(rows):
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
@@ -104,14 +109,12 @@ def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IntA
         joined = coo_array((np.ones(len(rows)), (group[rows], group[columns])), shape=(n, n))
         _, labels = connected_components(joined, directed=False)
         group[eliminated] = labels
-    return group.astype(np.int64)
+    return group
 
 
-def _numbered_within(table: UnknownTable, blocks: IntArray, group: IntArray) -> IntArray:
-    """(n_scalars,) number of each free unknown of the blocks within its group."""
+def _numbered_within(table: UnknownTable, blocks: IndexArray, group: IndexArray) -> IntArray:
+    """(n_scalars,) number of each free unknown of the blocks, group by group, within its group."""
     local = np.full(table.n_scalars, -1, dtype=np.int64)
-    if not len(blocks):
-        return local
     size = table.size[blocks]
     offset = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
     scalars = np.repeat(table.start[blocks], size) + offset
@@ -122,8 +125,8 @@ def _numbered_within(table: UnknownTable, blocks: IntArray, group: IntArray) -> 
     return local
 
 
-def _refuse_large(table: UnknownTable, blocks: IntArray, bounds: IntArray, local: IntArray) -> None:
-    if not len(blocks) or local.max(initial=0) < LARGEST:
+def _refuse_large(table: UnknownTable, blocks: IndexArray, bounds: IntArray, local: IntArray) -> None:
+    if local.max(initial=0) < LARGEST:
         return
     largest = int(np.argmax(np.diff(bounds)))
     some = ", ".join(table.names[block] for block in blocks[bounds[largest] : bounds[largest] + 3])
@@ -134,23 +137,14 @@ def _refuse_large(table: UnknownTable, blocks: IntArray, bounds: IntArray, local
 
 
 def _met(
-    pairs: BlockPairs,
-    joining: BoolArray,
-    turned: BoolArray,
-    is_column: BoolArray,
-    group: IntArray,
-    steps: IntArray,
-) -> tuple[Met, IntArray, IntArray]:
-    """What the groups meet, and their links with their bounds; arguments (n_pairs,) but for the last two."""
-    chosen = np.flatnonzero(joining)
-    swapped, is_last = turned[chosen], is_column[chosen]
-    block = np.where(is_last, pairs.columns[chosen], pairs.rows[chosen])
-    other = np.where(is_last, pairs.rows[chosen], pairs.columns[chosen])
-    order = np.lexsort((other, group[block]))
-    chosen, swapped, block, other = chosen[order], swapped[order], block[order], other[order]
-    of_group = group[block]
-    new = np.ones(len(chosen), dtype=bool)
-    new[1:] = (np.diff(of_group) != 0) | (np.diff(other) != 0)
-    links = np.column_stack([chosen, np.zeros_like(chosen), other, block, swapped])
-    met = Met(other[new], np.searchsorted(of_group[new], steps), np.cumsum(new) - 1)
-    return met, links, np.searchsorted(of_group, steps)
+    table: UnknownTable, pairs: BlockPairs, group: IndexArray, n_groups: int
+) -> tuple[Met, IntRows, IntArray]:
+    """What the groups meet, and their links with their bounds; `group` (n_blocks,) is -1 for other blocks."""
+    from obseq.leastsquares.loops.neighbours import list_neighbours, write_links
+
+    of_group, other = np.empty((2, len(pairs.rows)), dtype=np.int32)
+    list_neighbours(pairs.rows, pairs.columns, group, of_group, other)
+    found = distinct_pairs(of_group, other, n_groups, len(group))
+    links = np.empty((len(found.order), 5), dtype=np.int64)
+    write_links(pairs.rows, pairs.columns, table.size, group, found.order, links)
+    return Met(found.second, found.starts, found.number[found.order]), links, found.bounds

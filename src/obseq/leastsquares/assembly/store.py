@@ -22,12 +22,21 @@ from obseq.leastsquares.assembly.bodies import fill_of
 from obseq.leastsquares.assembly.pattern import block_pairs, matrix_pattern, role_pairs
 from obseq.leastsquares.assembly.schur import elimination_groups, is_turned
 from obseq.leastsquares.loops.loop_arguments import BlockTable, UnknownPlaces
+from obseq.leastsquares.loops.sorting import as_indices, sorted_by
 from obseq.leastsquares.problem.numbering import free_unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray, IntRows, PositionArray
+    from obseq.arrays import (
+        BoolArray,
+        FloatArray,
+        IndexArray,
+        IndexRows,
+        IntArray,
+        IntRows,
+        PositionArray,
+    )
     from obseq.leastsquares.assembly.bodies import Fill
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.loops.loop_arguments import Groups
@@ -132,13 +141,15 @@ def store_layout(
     kept = ~(loose[pairs.rows] | loose[pairs.columns])
     matrix, offsets, of_fill = _pattern(free, pairs, fill, kept)
     direct = _direct(table.size, free, pairs)
-    places = _places(table, matrix, free, pairs, direct, loose)
+    places = _places(table, matrix, free, pairs, direct, loose, groups)
     addressed = _addresses(free, matrix, pairs, offsets, direct, places)
     if has_loose:
         addressed.height[:-1] += is_turned(table, pairs, loose)
+        groups.links[:, 0] = places.pair[groups.links[:, 0]]
+        groups.inner[:, 0] = places.pair[groups.inner[:, 0]]
     apart = (kept & ~direct).nonzero()[0]
     stored = np.array([places.pair, pairs.rows, pairs.columns, offsets]).T[apart]
-    stored = stored[pairs.low[apart].argsort(kind="stable")]
+    stored = stored[sorted_by(as_indices(pairs.low[apart]), len(used))[0]]
     return StoreLayout(
         free=free,
         matrix=matrix,
@@ -147,7 +158,7 @@ def store_layout(
         diagonal=places.diagonal // 4,
         stored=np.ascontiguousarray(stored),
         batches=_batch_layouts(batches, addressed, pairs.occurrence),
-        groups=_placed(groups, places.pair) if has_loose else groups,
+        groups=groups,
         fill=fill,
         summed=np.column_stack([fill.summed, of_fill]) if has_loose else np.zeros((0, 5), dtype=np.int64),
         first_eliminated=places.first_eliminated,
@@ -196,14 +207,6 @@ def _pattern(
     return matrix, offsets, of_fill
 
 
-def _placed(groups: Groups, places: IntArray) -> Groups:
-    """The same with the places of the pairs (n_pairs,) in the store instead of their numbers."""
-    links, inner = groups.links.copy(), groups.inner.copy()
-    links[:, 0] = places[links[:, 0]]
-    inner[:, 0] = places[inner[:, 0]]
-    return groups._replace(links=links, inner=inner)
-
-
 def _with_free_unknowns(table: UnknownTable, blocks: BoolArray) -> BoolArray:
     """(n_blocks,) True for those of the blocks that have a free unknown."""
     if not blocks.any():
@@ -219,6 +222,7 @@ def _places(
     pairs: BlockPairs,
     direct: BoolArray,
     loose: BoolArray,
+    groups: Groups,
 ) -> _Places:
     """Places behind the matrix: spare block, diagonal blocks, pairs; then the same for eliminated blocks."""
     spare, part = (matrix.nnz + 11) // 8 * 8, part_width(table.size)
@@ -231,11 +235,10 @@ def _places(
     if loose.any():
         loose_diagonal, end = _consecutive(widths, loose, middle)
         diagonal = diagonal + loose_diagonal
-        by_loose_block = np.flatnonzero(joining)  # so that one elimination reads one stretch of memory
-        owner = np.where(loose[pairs.rows], pairs.rows, pairs.columns)[by_loose_block]
-        by_loose_block = by_loose_block[np.argsort(owner, kind="stable")]
-        every = np.ones(len(by_loose_block), dtype=bool)
-        pair[by_loose_block], end = _consecutive(width[by_loose_block], every, end)
+        # in the order of the links, so that one elimination reads one stretch of memory
+        for joined in (groups.links[:, 0], groups.inner[:, 0]):
+            every = np.ones(len(joined), dtype=bool)
+            pair[joined], end = _consecutive(width[joined], every, end)
     if end > MOST_DOUBLES:
         raise InputError(
             "the normal matrix has more than 4e9 numbers: eliminate unknowns, or split the system"
@@ -262,7 +265,7 @@ def _consecutive(widths: IntArray, present: BoolArray, first: int) -> tuple[IntA
 
 
 def _batch_layouts(
-    batches: Sequence[Batch], places: _Addresses, occurrence: IntArray
+    batches: Sequence[Batch], places: _Addresses, occurrence: IndexArray
 ) -> tuple[BlockTable, ...]:
     result, first = [], 0
     for batch in batches:
@@ -272,7 +275,7 @@ def _batch_layouts(
     return tuple(result)
 
 
-def _batch_layout(batch: Batch, places: _Addresses, occurrence: IntRows) -> BlockTable:
+def _batch_layout(batch: Batch, places: _Addresses, occurrence: IndexRows) -> BlockTable:
     from obseq.leastsquares.loops.block_places import place_blocks
 
     shape, record = batch.shape, _record(tuple([(role.row, role.size) for role in batch.shape.roles]))

@@ -7,29 +7,30 @@ from typing import TYPE_CHECKING
 from obseq.compilation import compiled
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, IntArray, IntRows, PositionArray, PositionRows
+    from obseq.arrays import BoolArray, IndexArray, IndexRows, IntRows, PositionArray, PositionRows
 
 
 @compiled
-def list_pairs(blocks: IntRows, live: BoolArray, keys: IntArray, first: int) -> None:
-    """Writes the key of each pair of blocks that a batch joins, by pair of roles, observation.
+def list_pairs(blocks: IntRows, live: BoolArray, rows: IndexArray, columns: IndexArray, first: int) -> None:
+    """Writes each pair of blocks that a batch joins, by pair of roles, observation, from the `first` on.
 
-    `blocks` (n_roles, n). `live` (n_blocks,). `keys`: from the `first` on, column * n_blocks + row; -1 where
-    one of the two is not live.
+    `blocks` (n_roles, n). `live` (n_blocks,). Both of `rows` and `columns` are -1 where one is not live.
     """
-    at, width = first, len(live)
+    at = first
     for p in range(len(blocks)):
         for q in range(p):
             for k in range(blocks.shape[1]):
                 row, column = blocks[p, k], blocks[q, k]
-                keys[at] = column * width + row if live[row] and live[column] else -1
+                is_live = live[row] and live[column]
+                rows[at] = row if is_live else -1
+                columns[at] = column if is_live else -1
                 at += 1
 
 
 @compiled
 def place_blocks(
     blocks: IntRows,
-    occurrence: IntRows,
+    occurrence: IndexRows,
     own: PositionArray,
     position: PositionArray,
     height: PositionArray,
@@ -78,7 +79,7 @@ def place_blocks(
 
 
 @compiled
-def take(places: PositionArray, numbers: IntArray, taken: PositionArray) -> bool:
+def take(places: PositionArray, numbers: IndexArray, taken: PositionArray) -> bool:
     """Writes the places of these numbers, the last one for -1; whether any is another than the last."""
     last = len(places) - 1
     is_used = False

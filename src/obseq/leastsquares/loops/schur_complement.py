@@ -35,17 +35,6 @@ U = np.uint64
 
 
 @compiled
-def body_pairs(bounds: IntArray, slots: IntArray, first: int, last: int, n: int, keys: IntArray) -> None:
-    """Writes high * n + low for all pairs of bodies, the same twice too, of groups from `first` to `last`."""
-    at = 0
-    for group in range(first, last):
-        for a in range(bounds[group], bounds[group + 1]):
-            for b in range(bounds[group], a + 1):
-                keys[at] = slots[a] * n + slots[b]
-                at += 1
-
-
-@compiled
 def coupling_rows(
     store: FloatArray,
     groups: Groups,

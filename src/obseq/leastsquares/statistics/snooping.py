@@ -16,7 +16,6 @@ from obseq.leastsquares.statistics.snooping_tests import (
     Statistic,
     Test,
     limits_of,
-    statistics_of,
     tied_names,
     worst_tests,
 )
@@ -147,7 +146,6 @@ def snoop(
     solve_options: Mapping[str, Any] | None = None,
     priors: bool = False,
     groups: Mapping[Batch, Sequence[IntArray]] | None = None,
-    first: Sequence[Place] = (),
 ) -> Snooping:
     """Finds blunders one at a time: solves, rejects the worst observation if it fails its test, solves again.
 
@@ -163,17 +161,12 @@ def snoop(
             one, it is the suspect and the search ends.
         groups: by batch, the rows that are tested and left out as one observation: the components of a
             vector; see `reliability`.
-        first: observations that are tested before all others, each where the unknowns are when it is called:
-            at a place that fits the others. Where a direction is half a turn off, iterations that take part
-            of it end far from there, and tests then leave out what is right.
     """
     checked_probability(level, "level")
     settings = Settings(Statistic(statistic), level, overall, batches, priors, groups or {})
     rejections: list[Rejection] = []
     needed: tuple[str, ...] = ()
     try:
-        for place in first:
-            rejections += _tested_in_place(system, place, settings)
         while True:
             try:
                 result = system.solve(covariance=True, **dict(solve_options or {}))
@@ -199,33 +192,6 @@ def snoop(
     return Snooping(
         tuple(rejections), end, outcome.suspects, settings.statistic, level, overall, result, quality
     )
-
-
-def _tested_in_place(system: LeastSquares, place: Place, settings: Settings) -> list[Rejection]:
-    """The rejection of an observation, whose residual is its error here; none where no test rejects it."""
-    batch, row = place
-    try:
-        quality = reliability(system, system.solve(covariance=True, max_iterations=0), groups=settings.groups)
-        part = quality.of(batch)
-        limits = limits_of(list(quality.observations), quality, settings)
-        quality.left_out(batch, row)
-    except (InputError, SingularSystemError):  # nothing is known without it
-        return []
-    at, tested = (row, 0), statistics_of(part, settings)
-    if limits is None or tested.shape[1:] != (1,) or not tested[at]:
-        return []
-    share, w = float(part.redundancy[at]), float(part.w[at])
-    statistic = share * w  # what an adjustment would show, which spreads the rest among the others
-    if settings.statistic is Statistic.TAU:
-        factor = limits.sigma0**2 - share * (1.0 - share) * w**2 / quality.redundancy
-        statistic /= factor**0.5
-    if statistic**2 <= limits.of(1):
-        return []
-    test = Test(part, statistic, 1, statistic**2 / limits.of(1), at)
-    found = _rejection(test, limits, limits.p_value(test))
-    found = replace(found, blunder=share * found.blunder)
-    found.set_active(False)
-    return [found]
 
 
 def _tested(quality: Reliability, settings: Settings) -> _Outcome:

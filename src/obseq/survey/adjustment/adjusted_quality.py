@@ -10,7 +10,6 @@ from obseq.dataclass import dataclass
 from obseq.records.adjustment import (
     EffectRecord,
     EllipseRecord,
-    RejectionRecord,
     RelativeRecord,
     ReliabilityRecord,
     SnoopingRecord,
@@ -18,7 +17,7 @@ from obseq.records.adjustment import (
 )
 from obseq.survey.adjustment.joint_groups import TestedJointly, tested_jointly
 from obseq.survey.adjustment.known_coordinates import GROUP
-from obseq.survey.adjustment.quality import Examination, left_out, numbers, of_observations
+from obseq.survey.adjustment.quality import Examination, numbers, of_observations
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -80,7 +79,6 @@ class AdjustedQuality:
     known: ReliabilityNumbers | None
     reliability: ReliabilityRecord | None
     rejected: BoolArray
-    snooping: SnoopingRecord | None
     components: tuple[VarianceComponentRecord, ...] | None
     relative: tuple[RelativeRecord, ...] | None
     ellipses: float | None
@@ -89,18 +87,17 @@ class AdjustedQuality:
     effects: list[EffectRecord | None] | None
     joint: tuple[TestedJointly, ...] = ()
     shares: FloatArray | None = None
+    snooping: SnoopingRecord | None = None
 
 
 def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) -> AdjustedQuality:
     """What was found out, without what it was found from."""
     n, whole = len(book.observations), found.reliability
-    rejected, rows = left_out(equations, found.snooping, n)
     return AdjustedQuality(
         None if whole is None else _numbers([of_observations(equations, whole, name, n) for name in NAMES]),
         None if whole is None else _known(whole),
         None if whole is None else _levels(whole),
-        rejected,
-        _snooping(book, found, rows),
+        np.zeros(n, np.bool_),
         _components(found),
         None if found.relative is None else tuple(_relative(found)),
         found.wanted.ellipses,
@@ -141,38 +138,6 @@ def _levels(whole: Reliability) -> ReliabilityRecord:
         tau_critical=tau if np.isfinite(tau) else None,
         uncontrolled=len(whole.uncontrolled()),
         tests=whole.n_tests,
-    )
-
-
-def _snooping(book: FieldBook, found: Examination, rows: tuple[int, ...]) -> SnoopingRecord | None:
-    snooping, change = found.snooping, found.change
-    if snooping is None or change is None:
-        return None
-    rejections = tuple(
-        RejectionRecord(
-            observation=book.label(row),
-            row=row,
-            statistic=item.statistic,
-            p_value=item.p_value,
-            blunder=item.blunder,
-            detectable=item.detectable if np.isfinite(item.detectable) else None,
-            companions=len(item.companions),
-            degrees=item.degrees,
-            critical=item.critical if item.degrees > 1 else None,
-            blunders=item.blunders,
-        )
-        for row, item in zip(rows, snooping.rejections, strict=True)
-    )
-    moved = np.linalg.norm(change, axis=1)
-    most, is_known = int(np.argmax(moved)), bool(rejections) and bool(np.isfinite(moved).all())
-    return SnoopingRecord(
-        statistic=snooping.statistic.value,
-        level=snooping.level,
-        end=snooping.end.value,
-        suspects=snooping.suspects,
-        rejections=rejections,
-        most_moved=book.point_names[most] if is_known else None,
-        moved=float(moved[most]) if is_known else None,
     )
 
 

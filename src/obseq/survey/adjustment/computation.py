@@ -70,6 +70,10 @@ class Computed:
     start: Determined
     equations: Equations
 
+    def solved(self, quality: Quality) -> tuple[Equations, LeastSquaresResult] | None:
+        """The equations and their solution, if that is the one of the given sigmas."""
+        return None if quality.variance_components else (self.equations, self.adjustment.solution)
+
 
 @dataclass(frozen=True)
 class Computation:
@@ -237,13 +241,12 @@ class Computation:
         book, solution, quality = start.book, found.solution, adjusted_quality(equations, start.book, found)
         coordinates = solution.values(equations.points)
         residuals, sigmas = equations.fitted(solution)
-        residuals[quality.rejected] = np.nan
         undetermined = free_motions(equations, start.points.names)
         return Adjustment(
             solution=solution,
             points=self._points(start, coordinates, _covariances(solution, equations.points, found.a_priori)),
             stations=_stations(start, equations.instrument_rotations(solution)),
-            book=book.without(quality.rejected),
+            book=book,
             residuals=residuals,
             sigmas=sigmas,
             frame=self.frame.system.definition,

@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.leastsquares.problem.manifolds import PLUMB
 from obseq.survey.adjustment.labels import station_names
+from obseq.survey.initial.orienting import plumb_rotation
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class Instruments:
         east, north, _ = np.einsum("nij,nj->in", verticals, fronts)
         azimuths = np.where(initial.orientations == Orientation.FIX.value, 0.0, np.arctan2(east, north))
         plumb = (initial.orientations != Orientation.BASC.value) & ~self._cameras
-        rotations[plumb] = _upright(verticals[plumb], azimuths[plumb])
+        rotations[plumb] = plumb_rotation(verticals[plumb], azimuths[plumb])
         return self._turned(rotations, verticals, initial.coordinates)
 
     def _turned(self, rotations: FloatArray, before: FloatArray, coordinates: FloatArray) -> FloatArray:
@@ -112,15 +113,7 @@ def _along_grid(verticals: FloatArray) -> FloatArray:
     Args:
         verticals: (n, 3, 3) rotations from the frame to east, north, up.
     """
-    return _upright(verticals, np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1]))
-
-
-def _upright(verticals: FloatArray, azimuths: FloatArray) -> FloatArray:
-    """(n, 3, 3) rotations, instrument to frame, along verticals (n, 3, 3), the front at azimuths (n,)."""
-    cosine, sine = np.cos(azimuths), np.sin(azimuths)
-    zero, one = np.zeros(len(azimuths)), np.ones(len(azimuths))
-    turns = np.array([[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, one]]).transpose(2, 0, 1)
-    return np.asarray((turns @ verticals).transpose(0, 2, 1))
+    return plumb_rotation(verticals, np.arctan2(verticals[:, 0, 1], verticals[:, 1, 1]))
 
 
 def _turns_along_grid(rotations: FloatArray, turns: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.geometry import rotation_x, rotation_y
 from obseq.survey.adjustment.frame import RTL_HINT
 from obseq.survey.kinds.registry import among, codes_where
 from obseq.survey.model import Orientation
@@ -27,11 +28,8 @@ LISTED = 8
 
 def deflecting(deflections: FloatArray) -> FloatArray:
     """(n, 3, 3) rotations from east, north, up to axes along the plumb line; deflections (n, 2) eta, xi."""
-    (cos_eta, cos_xi), (sin_eta, sin_xi) = np.cos(deflections.T), np.sin(deflections.T)
-    zero, one = np.zeros(len(deflections)), np.ones(len(deflections))
-    about_north = np.array([[cos_eta, zero, -sin_eta], [zero, one, zero], [sin_eta, zero, cos_eta]])
-    about_east = np.array([[one, zero, zero], [zero, cos_xi, -sin_xi], [zero, sin_xi, cos_xi]])
-    return np.asarray(np.einsum("ijn,jkn->nik", about_north, about_east))
+    eta, xi = deflections.T
+    return np.asarray(rotation_y(-eta) @ rotation_x(xi))
 
 
 @dataclass(frozen=True, eq=False)

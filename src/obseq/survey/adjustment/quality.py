@@ -13,7 +13,6 @@ from obseq.leastsquares.statistics.effects import effects_of_biases
 from obseq.leastsquares.statistics.ellipses import ErrorEllipses, relative_precision
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 from obseq.leastsquares.statistics.reliability import reliability
-from obseq.leastsquares.statistics.snooping import snoop
 from obseq.leastsquares.statistics.variance_components import (
     EXACT_LIMIT,
     Method,
@@ -25,13 +24,12 @@ from obseq.survey.adjustment.joint_groups import joint_groups
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import FloatArray
     from obseq.leastsquares import Batch, LeastSquaresResult, Prior
     from obseq.leastsquares.statistics.effects import Effects
     from obseq.leastsquares.statistics.ellipses import RelativePrecision
     from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
     from obseq.leastsquares.statistics.reliability import Reliability
-    from obseq.leastsquares.statistics.snooping import Snooping
     from obseq.leastsquares.statistics.variance_components import VarianceComponents
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.model import FieldBook
@@ -62,8 +60,9 @@ class Quality:
         reliability: Redundancy numbers, standardised residuals, detectable biases and their effects.
         level: Level of the test of a single observation.
         power: Power of that test, behind the detectable biases.
-        snooping: Leave out blunders one at a time, by the test of "w" (the given sigmas are trusted) or of
-            "tau" (only their proportions are); None: leave out nothing.
+        snooping: Leave out the observations that the search for errors accuses, and of which nothing else is
+            as good: by "w" (the given sigmas are trusted) or "tau" (only their proportions are); None: leave
+            out nothing.
         snooping_level: Probability that snooping leaves out anything where nothing is wrong.
         variance_components: Estimate a factor of the variances of each kind of observation, and use it.
         ellipses: Probability that the true point is inside its ellipse; None: standard ellipses (39 %).
@@ -104,8 +103,6 @@ class Examination:
         wanted: What was asked for.
         solution: The final solution.
         reliability: Of its observations and known coordinates; None when not asked for.
-        snooping: What was left out; None when not asked for.
-        change: (n, 3) what leaving out changed in the coordinates of the points (m); None likewise.
         components: The variance components; None when not asked for.
         relative: Precision of pairs of points that observations join; None when not asked for.
         effects: What detectable biases do, by the identity of the batch; None when not asked for.
@@ -114,8 +111,6 @@ class Examination:
     wanted: Quality
     solution: LeastSquaresResult
     reliability: Reliability | None = None
-    snooping: Snooping | None = None
-    change: FloatArray | None = None
     components: VarianceComponents | None = None
     relative: RelativePrecision | None = None
     effects: Mapping[int, Effects] | None = None
@@ -152,32 +147,15 @@ def examine(
     solution = system.solve(covariance=True, **solving)
     if not solution.n_unknowns or solution.weak is not None:  # normalised residuals say what there is to say
         return Examination(wanted, solution)
-    groups = joint_groups(equations, book)
-    snooping, change = None, None
-    if wanted.snooping is not None:
-        before = solution.values(equations.points)
-        batches = [batch for _, batch in equations.batches.values()]
-        snooping = snoop(
-            system,
-            wanted.snooping_level,
-            wanted.snooping,
-            batches=batches,
-            solve_options=solving,
-            groups=groups,
-        )
-        solution = snooping.result
-        change = solution.values(equations.points) - before
     components = _components(equations, book, solving) if wanted.variance_components else None
     solution = components.result if components else solution
     levels = wanted.level, wanted.power
     quality = None
     if wanted.reliability:
-        known = snooping.reliability if snooping and not components else None
-        is_known = known is not None and (known.level, known.power) == levels
-        quality = known if is_known else reliability(system, solution, *levels, groups=groups)
+        quality = reliability(system, solution, *levels, groups=joint_groups(equations, book))
     relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
     effects = _effects(equations, quality) if wanted.effects and quality else None
-    return Examination(wanted, solution, quality, snooping, change, components, relative, effects)
+    return Examination(wanted, solution, quality, components, relative, effects)
 
 
 def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects]:
@@ -229,15 +207,3 @@ def numbers(part: ObservationReliability[Batch | Prior], name: str) -> FloatArra
     """(n,) one of the numbers of observations that have one residual each."""
     array: FloatArray = getattr(part, name)
     return array[:, 0]
-
-
-def left_out(equations: Equations, snooping: Snooping | None, n: int) -> tuple[BoolArray, tuple[int, ...]]:
-    """What snooping left out of the field book: a mask (n,), and the rows in the order found."""
-    rows = {id(batch): rows for rows, batch in equations.batches.values()}
-    rejections = snooping.rejections if snooping else ()
-    found = tuple(int(rows[id(item.batch)][item.row]) for item in rejections)
-    mask = np.zeros(n, np.bool_)
-    mask[list(found)] = True
-    for item in rejections:
-        mask[[int(rows[id(batch)][row]) for batch, row in item.companions]] = True
-    return mask, found

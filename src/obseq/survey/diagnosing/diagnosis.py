@@ -17,6 +17,7 @@ from obseq.survey.diagnosing.words import accused, rewriting_record
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from obseq.diagnosis.policy import Policy
     from obseq.diagnosis.verdict import Verdict
     from obseq.report.units import Units
     from obseq.survey.causes.catalogue import Named
@@ -62,6 +63,7 @@ def record_of(
     units: Units,
     begin: Callable[[Points, FieldBook], Determined],
     of: Callable[[Determined], NetworkModel],
+    policy: Policy = POLICY,
 ) -> DiagnosisRecord:
     """What is wrong with a network: single errors, groups, and what is only seen when values are rewritten.
 
@@ -70,8 +72,9 @@ def record_of(
         units: In which sizes are told.
         begin: Points and observations -> what can be computed of them, at initial values.
         of: Such a network -> its model.
+        policy: How it is judged.
     """
-    found = diagnosis_of(model, units)
+    found = diagnosis_of(model, units, policy)
     own = found.record()
     count = max(len(found.verdict.accused), found.verdict.many)
     if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and count <= _FEW:
@@ -79,7 +82,7 @@ def record_of(
     trial = best_rewriting(model, begin, of, is_many=count > _FEW)
     if trial is None:
         return own
-    rest = diagnosis_of(of(trial.start), units).record()
+    rest = diagnosis_of(of(trial.start), units, policy).record()
     is_better = rest.status in ("accepted", "explained") or rest.left < POLICY.whole * own.left
     if not is_better or len(rest.accused) >= max(count, 1):
         return own
@@ -88,6 +91,6 @@ def record_of(
     return structs.replace(rest, status=status, accused=(one, *rest.accused))
 
 
-def diagnosis_of(model: NetworkModel, units: Units) -> Diagnosis:
+def diagnosis_of(model: NetworkModel, units: Units, policy: Policy = POLICY) -> Diagnosis:
     """The diagnosis of a network."""
-    return Diagnosis(diagnose(model), model, units)
+    return Diagnosis(diagnose(model, policy), model, units)

@@ -297,10 +297,10 @@ class NetworkModel:
 
 
 def started(model: NetworkModel) -> Determined:
-    """A network where a robust estimate leads from its initial values."""
-    place = model.robust()
-    initial = replace(model.given.initial, coordinates=place.coordinates, rotations=place.rotations)
-    return replace(model.as_given, initial=initial)
+    """A network where a robust estimate leads from its initial values; what is held stays where it is."""
+    place, given = model.robust(), model.as_given
+    coordinates = np.where(given.points.is_held, given.initial.coordinates, place.coordinates)
+    return replace(given, initial=replace(given.initial, coordinates=coordinates, rotations=place.rotations))
 
 
 def doubted(points: Points, book: FieldBook) -> Points:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.geometry import closest_rotation, isometry
+from obseq.geometry import closest_rotation, isometry, rotation_z
 from obseq.survey.initial.known import Known, Matrix, as_matrix
 from obseq.survey.initial.relations import free_direction
 from obseq.survey.initial.steps import Step
@@ -208,12 +208,7 @@ def plumb_rotation(vertical: FloatArray, g0: FloatArray) -> FloatArray:
         vertical: (m, 3, 3) R_(frame -> vertical) at the origins.
         g0: (m,) azimuths of the zeros of the circles, radians.
     """
-    cosine, sine = np.cos(g0), np.sin(g0)
-    turn = np.zeros((len(g0), 3, 3))
-    turn[:, 0, 0], turn[:, 0, 1] = cosine, -sine
-    turn[:, 1, 0], turn[:, 1, 1] = sine, cosine
-    turn[:, 2, 2] = 1.0
-    return np.transpose(turn @ vertical, (0, 2, 1))
+    return np.transpose(rotation_z(g0) @ vertical, (0, 2, 1))
 
 
 def g0_of(rotation: Matrix, vertical: Matrix) -> float:
