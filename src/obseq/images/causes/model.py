@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.protocol import Change, Slip
+    from obseq.images.adjustment.equations import MeasureBatch
     from obseq.images.adjustment.start import Start
     from obseq.images.causes.numbering import Numbering
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
@@ -176,10 +177,13 @@ class BlockModel:
         """(m,) how far image points are from where they should be, in sigmas."""
         self._table.restore(place.state)
         found = [
-            np.linalg.norm(self._system.residuals(item.batch) / item.batch.sigmas, axis=1)
+            np.linalg.norm(self._system.residuals(item.batch) / self._sigmas_of(item), axis=1)
             for item in self.numbering.equations.measures
         ]
         return np.asarray(np.nan_to_num(np.concatenate(found), nan=np.inf))
+
+    def _sigmas_of(self, item: MeasureBatch) -> FloatArray:
+        return self.numbering.equations.start.sets[item.part].given.measures.sigmas[item.rows]
 
     def _off(self, place: Place) -> float:
         """The middle one of them."""
