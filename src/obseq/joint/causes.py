@@ -81,9 +81,9 @@ class JointModel:
             self.observations += [Observation(batch, row, first + width * row, width) for row in rows]
             first += width * batch.n
         for prior in self._priors:
-            rows = range(len(prior.scalars))
-            self.observations += [Observation(prior, row, first + row, 1) for row in rows]
-            first += len(prior.scalars)
+            count = len(prior.scalars)
+            self.observations += [Observation(prior, row, first + row, 1) for row in range(count)]
+            first += count
         self._n = first
         starts = np.append(0, np.cumsum([one.width for one in self.observations]))
         columns = [np.arange(one.first, one.first + one.width) for one in self.observations]
