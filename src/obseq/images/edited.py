@@ -92,7 +92,9 @@ class EditedBlock(AdjustableBlock):
         for k, (part, rows) in enumerate(zip(made.sets, chosen.measures, strict=True)):
             sigmas = part.measures.sigmas.copy()
             sigmas[rows] = factor * sigmas[rows] if sigma is None else sigma
-            made.sets[k] = replace(part, measures=replace(part.measures, sigmas=sigmas))
+            covariances = part.measures.covariances * (sigmas / part.measures.sigmas).prod(axis=1)
+            measures = replace(part.measures, sigmas=sigmas, covariances=covariances)
+            made.sets[k] = replace(part, measures=measures)
         known = made.control.covariances.copy()
         known[chosen.control] *= factor**2
         if sigma is not None:
