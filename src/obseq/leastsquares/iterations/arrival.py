@@ -46,6 +46,9 @@ DIGITS = 4.0
 SHARES = (0.1, 0.01, 0.001)
 """Shares of a step along which rounding is told from what bends."""
 
+LONG = (1.0, 0.618, 0.382)
+"""Shares of a step that is as long as is negligible: so far apart that chance is not the same on them."""
+
 FALLING = 1e-6, 1e-2
 """Shares of what was found along a step ten times as long between which that was a bend.
 
@@ -152,13 +155,15 @@ class Arrival:
 
 
 def _ways(step: FloatArray, length: float, unit: float) -> Iterator[FloatArray]:
-    """A step, and one as long as is negligible: along these rounding is looked for.
+    """A step, and some nearly as long as is negligible: along these rounding is looked for.
 
-    A residual that has few digits, such as a latitude in radians, does not change at all on a short way.
+    A residual that has few digits, such as a latitude in radians, does not change at all on a short way, and
+    on a longer one four places may agree by chance.
     """
     yield step
     if 0.0 < length < NEGLIGIBLE * unit:
-        yield step * (NEGLIGIBLE * unit / length)
+        for share in LONG:
+            yield step * (share * NEGLIGIBLE * unit / length)
 
 
 def resolution(table: UnknownTable, weights: FloatArray) -> float:

@@ -16,11 +16,11 @@ from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.known_coordinates import KnownCoordinates
     from obseq.survey.causes.cause import Cause, Groups, KnownCause
     from obseq.survey.causes.effects import Effects
     from obseq.survey.causes.notes import Notes
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.known_coordinates import KnownCoordinates
 
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
 _FEW = 200_000

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray, IntArray
+    from obseq.records.adjustment import LeftOutRecord
     from obseq.report.units import Scale, Units
-    from obseq.survey.adjustment.adjusted_places import AdjustedPoints
-    from obseq.survey.initial.left_out import LeftOut
+    from obseq.survey.adjustment.adjusted_records import AdjustedPoints
     from obseq.survey.model import FieldBook, Points
 
 _LOOK_ALIKE = str.maketrans("OQILZSB", "0011258")
@@ -102,7 +102,7 @@ def mistyped_names(
     points: Points,
     book: FieldBook,
     adjusted: AdjustedPoints,
-    left_out: tuple[LeftOut, ...],
+    left_out: tuple[LeftOutRecord, ...],
 ) -> tuple[list[str], list[str]]:
     """Warnings of names that look mistyped, and notes of what stands in no observation.
 
@@ -133,7 +133,7 @@ def _nothing_sees(names: list[str]) -> str:
 
 
 def _of_unused(
-    points: Points, row: int, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...], small: Scale
+    points: Points, row: int, adjusted: AdjustedPoints, left_out: tuple[LeftOutRecord, ...], small: Scale
 ) -> str | None:
     """What observations may call a known point that is in none of them."""
     name = points.names[row]
@@ -209,7 +209,7 @@ def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterat
 
 
 def _of_left_out(
-    points: Points, book: FieldBook, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...]
+    points: Points, book: FieldBook, adjusted: AdjustedPoints, left_out: tuple[LeftOutRecord, ...]
 ) -> Iterator[str]:
     """Points that observations to left out ones fit, where their names are alike."""
     names = [item.name for item in left_out if item.what.startswith("point ")][:_MOST]
