@@ -199,14 +199,14 @@ ASKED = re.compile(r"\b(network|adjustment|block|solution)\.(\w+)\(")
 @pytest.mark.parametrize("name", ["examples.md", "first-block.md"])
 def test_everyday_tasks_are_lines_whose_words_are_in_the_reference(name: str) -> None:
     """The reference is made of the docstrings of what the rooms export."""
-    from obseq.images import BundleAdjustment, BundleSolution
+    from obseq.images import AdjustedBlock, BundleAdjustment
     from obseq.survey import Adjustment, Network
 
     owners = {
         "network": Network,
         "adjustment": Adjustment,
         "block": BundleAdjustment,
-        "solution": BundleSolution,
+        "solution": AdjustedBlock,
     }
     (text,) = TASKS.findall((ROOT / "docs" / name).read_text(encoding="utf-8"))
     assert re.findall(r"  # (\d+): ", text) == [str(number) for number in range(1, 11)]

@@ -11,8 +11,7 @@ import scenes
 
 import obseq
 from obseq.errors import InputError
-from obseq.images import BundleAdjustment
-from obseq.images.adjustment import asked as of_blocks
+from obseq.images import AdjustedBlock, BundleAdjustment
 from obseq.images.output.block_record import BundleRecord, MeasureRecord
 from obseq.reading.origin import Origin
 from obseq.records.adjustment import AdjustmentRecord
@@ -188,7 +187,7 @@ def test_the_plan_is_drawn(solution):
     ("asked", "record", "others"),
     [
         (of_networks.Asked, AdjustmentRecord, {}),
-        (of_blocks.Asked, BundleRecord, {"measures": MeasureRecord}),
+        (AdjustedBlock, BundleRecord, {"measures": MeasureRecord}),
     ],
 )
 def test_what_type_checkers_are_told_of_tables_is_true(asked, record, others):

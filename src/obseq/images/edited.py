@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from itertools import chain
 from pathlib import PurePath
@@ -15,7 +15,10 @@ from obseq.arguments import FUNCTION, NOTHING, NUMBER, TEXT, TEXTS, WHOLE, expec
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
+from obseq.images.adjusted import AdjustedBlock
 from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.causes.diagnosing import diagnosed, silent
+from obseq.images.causes.refusals import explained
 from obseq.leastsquares.problem.losses import named_loss
 
 if TYPE_CHECKING:
@@ -121,7 +124,7 @@ class EditedBlock(AdjustableBlock):
         strategy: str = "levenberg-marquardt",
         loss: str | None = None,
         threads: int = 1,
-    ) -> BundleSolution:
+    ) -> AdjustedBlock:
         """Adjusts the block, which does not change: places images, solves the block, looks for errors.
 
         Args:
@@ -137,9 +140,6 @@ class EditedBlock(AdjustableBlock):
             InputError: Something in the block makes the adjustment impossible; it is named.
             SingularSystemError: Measures do not determine some unknowns, which are named.
         """
-        from obseq.images.causes.diagnosing import diagnosed, silent
-        from obseq.images.causes.refusals import explained
-
         told, made = progress or silent, self.copied()
         given = made.poses
         limits = {"max_iterations": max_iterations, "tolerance": tolerance}
@@ -151,7 +151,8 @@ class EditedBlock(AdjustableBlock):
         boundary = Boundary()
         search = partial(diagnosed, solution, given, told, **options)
         diagnosis = boundary.attempt("the search for errors", search, None)
-        return replace(solution, diagnosis=diagnosis, failures=tuple(boundary.failures))
+        found = {entry.name: getattr(solution, entry.name) for entry in fields(solution)}
+        return AdjustedBlock(**found, diagnosis=diagnosis, failures=tuple(boundary.failures))
 
     def _robustly(
         self, loss: str | None, options: Mapping[str, object], told: Callable[[str], None]

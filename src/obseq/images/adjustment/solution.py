@@ -10,7 +10,6 @@ from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
-from obseq.images.adjustment.asked import Asked
 from obseq.images.adjustment.far_points import are_far
 from obseq.images.adjustment.quality import measure_reliability
 from obseq.images.adjustment.referenced import Referenced
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     from obseq.images.camera import Camera
     from obseq.images.clinometers import Clinometer
     from obseq.leastsquares import Iteration, LeastSquaresResult
-    from obseq.records.diagnosis import DiagnosisRecord
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +85,7 @@ class Statistics:
 
 
 @dataclass(frozen=True, eq=False)
-class BundleSolution(Referenced, Asked):
+class BundleSolution(Referenced):
     """An adjusted block; everything belongs to the same, final, state.
 
     Precisions are a posteriori (scaled by sigma0^2) where there is redundancy, else a priori.
@@ -101,8 +99,6 @@ class BundleSolution(Referenced, Asked):
         surveys: the survey networks that share its points.
         blunders: what the search for blunders left out; None when none was asked for.
         beyond: points that thresholds left too few measures.
-        diagnosis: what is wrong with it; None where nobody has looked (`adjust` looks, `solve` does not).
-        failures: what should explain it, and failed.
     """
 
     block: Block
@@ -113,8 +109,6 @@ class BundleSolution(Referenced, Asked):
     surveys: tuple[JoinedSurvey, ...] = ()
     blunders: BlundersFound | None = None
     beyond: tuple[LeftOut, ...] = ()
-    diagnosis: DiagnosisRecord | None = None
-    failures: tuple[str, ...] = ()
 
     # The state
 

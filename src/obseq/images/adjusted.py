@@ -1,25 +1,22 @@
-"""What people ask an adjusted block for, by names, as of networks: tables, covariances, a drawing, files."""
+"""An adjusted block as people ask it, by names, as of networks: tables, covariances, a drawing, files."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Literal, cast, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 
+from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.survey.adjustment.adjusted_quality import ellipse_records
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import ArrayLike
-
     from obseq.arrays import FloatArray
-    from obseq.images.adjustment.equations import Equations
-    from obseq.images.adjustment.solution import BundleSolution, MeasureResiduals
-    from obseq.images.adjustment.start import Start
     from obseq.images.output.block_record import (
         BlockPointRecord,
         BundleRecord,
@@ -27,50 +24,23 @@ if TYPE_CHECKING:
         ImageRecord,
         MeasureRecord,
     )
-    from obseq.images.poses import Poses
-    from obseq.leastsquares import LeastSquaresResult
     from obseq.records.adjustment import EllipseRecord
     from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
     from obseq.records.table import AnyTable, Table
     from obseq.survey.adjustment.plotting import Axes
 
 
-class Asked:
-    """The part of a solution that answers questions by names."""
+@dataclass(frozen=True, eq=False)
+class AdjustedBlock(BundleSolution):
+    """What `adjust` found: the solution, what may be wrong with it, and its tables, drawings and files.
 
-    if TYPE_CHECKING:  # the solution has them
-        start: Start
-        equations: Equations
-        result: LeastSquaresResult
-        diagnosis: DiagnosisRecord | None
-        failures: tuple[str, ...]
+    Attributes:
+        diagnosis: what is wrong with it; None where nothing can tell.
+        failures: what should explain it, and failed.
+    """
 
-        @property
-        def poses(self) -> Poses:
-            """Adjusted poses."""
-
-        @property
-        def points(self) -> tuple[str, ...]:
-            """Names."""
-
-        @property
-        def coordinates(self) -> FloatArray:
-            """(n, 3) of the points."""
-
-        @property
-        def point_covariances(self) -> FloatArray:
-            """(n, 3, 3)."""
-
-        @property
-        def residuals(self) -> MeasureResiduals:
-            """Of image points."""
-
-        @property
-        def is_a_posteriori(self) -> bool:
-            """Whether precisions are scaled."""
-
-        def covariance_between(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
-            """Covariance of unknowns of the system, by block."""
+    diagnosis: DiagnosisRecord | None = None
+    failures: tuple[str, ...] = ()
 
     @property
     def gross_errors(self) -> tuple[AccusedRecord, ...]:
@@ -81,9 +51,7 @@ class Asked:
         """What the result file holds, and the reports are made of."""
         from obseq.images.output.record import record_of
 
-        return record_of(
-            cast("BundleSolution", self), self.result.has_covariances, self.diagnosis, self.failures
-        )
+        return record_of(self, self.result.has_covariances, self.diagnosis, self.failures)
 
     @overload
     def table(self, name: Literal["points"] = ...) -> Table[BlockPointRecord]: ...
