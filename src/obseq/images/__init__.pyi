@@ -4,7 +4,6 @@ from .block import Block as Block
 from .bundle import BundleAdjustment as BundleAdjustment
 from .camera import Camera as Camera
 from .camera import median_camera as median_camera
-from .clinometers import Clinometer as Clinometer
 from .control import ControlPoints as ControlPoints
 from .initial.distribution import Distribution as Distribution
 from .initial.distribution import check_distribution as check_distribution
@@ -26,6 +25,8 @@ from .initial.resection import resect as resect
 from .initial.three_points import poses_of_triplets as poses_of_triplets
 from .measures import ImagePoints as ImagePoints
 from .model import CameraModel as CameraModel
+from .parts import Clinometer as Clinometer
+from .parts import Weighting as Weighting
 from .poses import Poses as Poses
 from .poses import RigidMotion as RigidMotion
 from .rigid import Exposures as Exposures
@@ -35,4 +36,3 @@ from .rigid import initial_block as initial_block
 from .rigid import pair_statistics as pair_statistics
 from .satellite.block import SatelliteBlock as SatelliteBlock
 from .satellite.block import SatelliteSolution as SatelliteSolution
-from .weighting import Weighting as Weighting
