@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
@@ -169,7 +170,7 @@ class Equations:
             batch = self._added(own, coordinates)
             batch.active = np.zeros(len(own), np.bool_)
             batches.append((places[np.isin(rows, own)], batch))
-        self._joint = JointRows(self.system, batches, covariances, self._labelling(rows))
+        self._joint = JointRows(self.system, batches, covariances, partial(_label, self._book, rows))
         return self._joint.batch
 
     def _added(
@@ -180,7 +181,7 @@ class Equations:
         kind, _ = family.kinds[0]
         measured, blocks = self._measured(family, coordinates), self._blocks(family)
         sigmas = 1.0 if covariance else self.sigmas(rows, coordinates)
-        labels = self._labelling(rows)
+        labels = partial(_label, self._book, rows)
         if kind.is_linear(self._site):
             ids = list(blocks.values())
             sizes = [int(self.system.unknowns.size[block[0]]) for block in ids]
@@ -196,11 +197,6 @@ class Equations:
         self._carry(family, batch, coordinates)
         self._families.append((family, batch))
         return batch
-
-    def _labelling(self, rows: IntArray) -> Callable[[int], str]:
-        """What observations are called in messages."""
-        book = self._book
-        return lambda k: book.label(int(rows[k]))
 
     def _blocks(self, family: Family) -> dict[str, IntArray]:
         """The unknowns of the equations of one family, by the names of the formula."""
@@ -343,3 +339,8 @@ def sigmas_of(batch: Batch) -> FloatArray:
     if batch.clusters is not None:
         return np.sqrt(batch.clusters.variances())
     return np.asarray(batch.sigmas[:, 0])
+
+
+def _label(book: FieldBook, rows: IntArray, k: int) -> str:
+    """What the observations of some rows are called in messages."""
+    return book.label(int(rows[k]))

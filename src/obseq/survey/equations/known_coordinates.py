@@ -11,8 +11,6 @@ from obseq.dataclass import dataclass
 from obseq.survey.equations.surroundings import Recent
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
     from obseq.survey.equations.point_system import PointSystem
@@ -134,7 +132,7 @@ class KnownCoordinates:
             [equations[:, :3]],
             equations[:, 3],
             sigmas,
-            labels=self._labelling(rows, components),
+            labels=partial(_label, self._points, rows, components),
             group=GROUP,
             is_constraint=True,
         )
@@ -144,18 +142,8 @@ class KnownCoordinates:
         if not rows.size:
             return None
         equations = self._linearised(rows, components)
-        labels = self._labelling(rows, components)
+        labels = partial(_label, self._points, rows, components)
         return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
-
-    def _labelling(self, rows: IntArray, components: IntArray) -> Callable[[int], str]:
-        """What known coordinates are called in messages."""
-        points = self._points
-
-        def label(k: int) -> str:
-            row = int(rows[k])
-            return f"{COMPONENTS[components[k]]} of {points.names[row]} ({points.place(row)})"
-
-        return label
 
     def together(self) -> dict[Batch, IntArray]:
         """The equations of coordinates that are correlated with one another: row of the point of each."""
@@ -267,3 +255,9 @@ def _correlated(points: Points) -> tuple[IntArray, IntArray]:
     given = points.covariance.coordinates if points.covariance else ()
     rows = [points.index[name] for name, _ in given]
     return np.array(rows, np.int64), np.array([component for _, component in given], np.int64)
+
+
+def _label(points: Points, rows: IntArray, components: IntArray, k: int) -> str:
+    """What the known coordinates of some rows are called in messages."""
+    row = int(rows[k])
+    return f"{COMPONENTS[components[k]]} of {points.names[row]} ({points.place(row)})"
