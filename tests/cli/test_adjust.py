@@ -379,7 +379,7 @@ def test_how_much_is_printed_is_chosen(site: Path, capsys) -> None:
     assert len(quiet.splitlines()) == 2
     adjust("-v", "--show", "points")
     told = capsys.readouterr().out
-    assert "Seconds: " in told and "Coordinates in the computation frame" in told
+    assert "Seconds: " in told and "Points. Coordinates in " in told
     assert quiet.splitlines()[0] in told
     assert adjust("-q", "-v") == 2
     assert "--quiet prints the verdict alone" in capsys.readouterr().err

@@ -45,7 +45,7 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
     assert main(["bundle", *options, f"--out={folder / 'out'}"]) == 0
     shown = capsys.readouterr().out
     assert "converged after" in shown
-    assert "Camera c (" in shown
+    assert "Parameters of cameras. c: " in shown
     record = json.loads((folder / "out/bundle.json").read_text())
     assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 4, 8)
     found = np.array([image["centre"] for image in record["images"]])
@@ -76,7 +76,7 @@ def test_a_blunder_makes_sigma0_too_large_and_is_said(tables, capsys):
     main(["bundle", *options])
     shown = capsys.readouterr().out
     assert "REJECTED, too large" in shown
-    assert shown.partition("Largest residuals")[2].splitlines()[2].split()[:2] == [image, point]
+    assert shown.partition("Image points.")[2].splitlines()[3].split()[:2] == [image, point]
 
 
 def with_shift(path, row, column, shift):
@@ -202,8 +202,8 @@ def test_control_points_in_no_image_are_named_and_change_nothing(tables, capsys)
     results = [f"--json={folder / 'r.json'}", f"--html={folder / 'r.html'}"]
     assert main(["bundle", *options, *results]) == 0
     shown = capsys.readouterr().out
-    assert "Control points that change nothing (6)" in shown
-    assert "far0, far1, far2, far3 and 2 more  it is in no image" in shown
+    assert "changes nothing  control point" in shown
+    assert "far0, far1, far2, far3 and 2 more  it is in no image         6" in shown
     named = [item["name"] for item in json.loads((folder / "r.json").read_text())["unmeasured"]]
     assert named == [f"far{k}" for k in range(6)]
     assert "Changes nothing: 6 " in (folder / "r.html").read_text()
@@ -253,7 +253,7 @@ def test_points_measured_once_are_counted_by_their_reason(tables, capsys):
         file.write("spare,c\n")
     assert main(["bundle", *options]) == 1
     shown = capsys.readouterr().out
-    assert "Left out (31)" in shown
+    assert "Without part (31)" in shown
     assert "once0, once1, once2, once3 and 26 more  it has 1 ray; a free point takes 2" in shown
     assert "spare" in shown
 

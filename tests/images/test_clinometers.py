@@ -58,7 +58,7 @@ def test_clinometers_level_a_block():
     (readings,) = (table["columns"] for table in content["tables"] if table["id"] == "readings")
     (column,) = (column["values"] for column in readings if column["title"] == "residual")
     assert column[-1] == pytest.approx(residuals[-1], rel=1e-4)
-    assert "clinometer y" in summary(record)
+    assert "Clinometers" in summary(record)
     assert len(labels) == 16
     assert np.abs(residuals).max() < 4.0 * SIGMA
     assert np.sqrt(np.mean(residuals**2)) > 0.2 * SIGMA

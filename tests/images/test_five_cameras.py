@@ -94,4 +94,4 @@ def test_the_rig_holds(solved):
     assert len(found.exposures) == 4 * 10
     assert np.abs(found.translations).max() < 1e-3
     assert np.abs(found.rotations).max() < 1e-5
-    assert "five: down, right" in summary(record_of(solved))
+    assert "five   down, right" in summary(record_of(solved))

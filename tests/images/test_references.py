@@ -55,14 +55,14 @@ def test_check_points_take_no_part_and_are_compared(flown):
     record = record_of(wrong.solve())
     assert [point.name for point in record.check_points if point.is_off] == [name]
     assert not record.is_complete
-    assert "OFF" in summary(record)
+    assert any(name in line.split() and "off" in line.split() for line in summary(record).splitlines())
 
 
 def test_what_is_said_of_references(flown):
     shown = summary(record_of(flown[1]))
-    assert "antenna GNSS: 20 positions" in shown
-    assert "lever arm 0." in shown
-    assert "shutter of c: readout" in shown
+    assert any(line.split()[:1] == ["GNSS"] for line in shown.splitlines())
+    assert "Lever arms from the projection centre" in shown
+    assert "Rolling shutters" in shown
     assert "of 36 coordinates within 1.96 sigmas" in shown
 
 

@@ -82,6 +82,7 @@ def opened(browser: Any, path: Path) -> float:
     for kind in ("browser", "performance"):
         browser.get_log(kind)
     browser.get(path.as_uri())
+    browser.shown = path
     return float(browser.execute_async_script(PAINTED))
 
 

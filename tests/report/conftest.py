@@ -1,14 +1,26 @@
 """A small record with a story: a good distance, a bad direction, an observation that is not used."""
 
 import math
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from obseq.records.adjustment import AdjustmentRecord
 
+sys.path.insert(0, str(Path(__file__).parent))
 GON = math.pi / 200.0
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """One browser for all tests of pages."""
+    import browsing
+
+    with browsing.chromium(browsing.BRIEF) as found:
+        yield found
 
 
 def observation(

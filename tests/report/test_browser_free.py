@@ -1,23 +1,12 @@
 """The page of a free network in a browser: the motions that no observation sees are drawn, and switched."""
 
-import importlib.util
 from importlib.resources import files
-from pathlib import Path
 
+import browsing
 import pytest
 
-from obseq.report import page
+from obseq.report.page import page
 from obseq.survey import Datum, Network
-
-SPEC = importlib.util.spec_from_file_location("browsing", Path(__file__).with_name("browsing.py"))
-browsing = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(browsing)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with browsing.chromium(browsing.BRIEF) as found:
-        yield found
 
 
 def demo() -> Network:

@@ -2,7 +2,7 @@ import math
 import re
 import xml.etree.ElementTree as ElementTree
 
-from obseq.report.figure import network_figure
+from obseq.report.notebook import network_figure
 
 
 def circles(svg: str) -> list[tuple[float, float]]:

@@ -10,7 +10,8 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from obseq.report import page, read_json, to_json
+from obseq.report.page import page
+from obseq.report.result_file import read_json, to_json
 from obseq.survey import Datum, Network, Quality
 
 EVERYTHING = Quality(relative=True, ellipses=0.95, ellipsoids=True, effects=True, inner=True)
@@ -152,12 +153,15 @@ def test_the_plan_is_that_of_the_file(both) -> None:
     text, stored = both
     plan, points = content_of(text)["plan"], stored["points"]
     for axis in "xy":
-        assert plan[axis] == pytest.approx([point[axis] for point in points], abs=1e-4)
+        assert plan[axis] == pytest.approx([point[f"crs_{axis}"] for point in points], abs=1e-4)
+    cos, sin = plan["turn"]
     for mine, field in (("major", "semi_major"), ("minor", "semi_minor"), ("bearing", "bearing")):
-        assert plan[mine] == pytest.approx([point["ellipse"][field] for point in points], rel=1e-3, abs=1e-4)
+        turn = math.atan2(sin, cos) if mine == "bearing" else 0.0
+        wanted = [point["ellipse"][field] - turn for point in points]
+        assert plan[mine] == pytest.approx(wanted, rel=1e-3, abs=1e-4)
     moved = [point.get("moved") for point in points]
     np.testing.assert_allclose(
         [shift for shift in plan["moved"] or [] if shift],
-        [shift[:2] for shift in moved if shift] if plan["moved"] else [],
+        [(cos * x - sin * y, sin * x + cos * y) for x, y, _ in filter(None, moved)] if plan["moved"] else [],
         atol=1e-5,
     )

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from obseq.records.shown_units import ShownUnits
-from obseq.report import page
 from obseq.report.packed import packed
-from obseq.report.page import MOST_OBSERVATIONS
+from obseq.report.page import MOST_OBSERVATIONS, page
 from obseq.report.said import length, name, small
 from obseq.report.said import plain as said
 from obseq.report.units import Units
@@ -136,12 +135,12 @@ def test_suspected_errors_lead_to_their_rows_and_spoil_no_precision(plain, make)
         "site.obs:2",
     )
     assert content(text)["first"] == {"table": "observations", "row": 1}
-    assert values(table(text, "points"), "sx") == pytest.approx(
+    assert values(table(text, "points"), "frame sx") == pytest.approx(
         [point.sx / 1.25 for point in record.points], rel=1e-4
     )
     assert "given sigmas" in table(text, "points")["about"]
     quiet = page(make(precision="a posteriori"))
-    assert values(table(quiet, "points"), "sx") == [point.sx for point in record.points]
+    assert values(table(quiet, "points"), "frame sx") == [point.sx for point in record.points]
 
 
 def test_tables_hold_metres_and_radians_of_the_record(record) -> None:
@@ -169,7 +168,7 @@ def test_what_nothing_determines_is_on_the_plan(make) -> None:
     text = page(make(left_out=[lost]))
     plan = content(text)["plan"]
     assert content(text)["names"][3] == "T"
-    assert (plan["x"][3], plan["y"][3], plan["marks"][3]) == (5, 6, 4)
+    assert (plan["x"][3], plan["y"][3], plan["marks"][3]) == (650005.0, 6860006.0, 4)  # on the map
     assert finding(text, "point T is left out")["text"] == "one sight"
     assert (
         content(text)["verdict"]["text"] == "Usable, but 1 point or station is not determined and left out."

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from obseq.report.figure import network_figure
+from obseq.report.notebook import network_figure
 from obseq.report.page import page
 from obseq.report.plan import KNOWN, plan
 from obseq.report.scheme import scheme

@@ -1,6 +1,8 @@
 import pytest
 
-from obseq.report.verdict import Verdict, worst_first
+from obseq.report.content import numbers_of, tables
+from obseq.report.verdict import Verdict
+from obseq.report.writer import worst
 
 
 @pytest.mark.parametrize(
@@ -41,7 +43,8 @@ def test_without_a_test_it_says_why(make) -> None:
 
 
 def test_the_worst_come_first_whatever_their_sign_and_unused_ones_do_not_count(record) -> None:
-    assert [row.line for row in worst_first(record)] == [2, 1, 3]
+    observations = tables(record, numbers_of(record))[0]
+    assert worst(observations, "w") == [1, 0, 2, 3]
 
 
 def type_row(name: str, factor: float, lower: float = 0.6, upper: float = 1.5) -> dict[str, object]:

@@ -74,25 +74,31 @@ def run(arguments: argparse.Namespace) -> int:
     places = [arguments.out / name for name in NAMES] if arguments.out else []
     check_writable(places, [*first.files, *second.files])
     with Progress("starting") as progress:
-        from obseq.report.compared import comparison_page
-        from obseq.report.comparison import comparison_csv, comparison_json, comparison_summary
+        from obseq.report.comparison import comparison_summary
 
         record, incomplete = _compared(arguments, first, second, progress)
-        texts = (
-            comparison_json(record),
-            comparison_summary(record, most=None),
-            comparison_csv(record),
-            comparison_page(record),
-        )
-        write_all(dict(zip(places, texts, strict=bool(places))))
+        write_all(dict(zip(places, texts_of(record).values(), strict=bool(places))))
     print(comparison_summary(record, [str(path) for path in places]), end="")
-    reasons = list(_reasons(record, incomplete))
+    reasons = list(reasons_of(record, incomplete))
     if reasons:
         print(f"exit code {INCOMPLETE}: {'; '.join(reasons)}")
     return INCOMPLETE if reasons else 0
 
 
-def _reasons(record: "ComparisonRecord", incomplete: list[int]) -> "Iterator[str]":
+def texts_of(record: "ComparisonRecord") -> dict[str, str]:
+    """The contents of the files, by the names of the formats."""
+    from obseq.report.compared import comparison_page
+    from obseq.report.comparison import comparison_csv, comparison_json, comparison_summary
+
+    return {
+        "json": comparison_json(record),
+        "text": comparison_summary(record, most=None),
+        "csv": comparison_csv(record),
+        "html": comparison_page(record),
+    }
+
+
+def reasons_of(record: "ComparisonRecord", incomplete: list[int]) -> "Iterator[str]":
     """Why the exit code is not 0."""
     if record.obstacles:
         yield "no verdict, for the reasons above"

@@ -103,11 +103,16 @@ def run(arguments: argparse.Namespace) -> int:
     check_writable(places, source.files)
     with Progress("starting") as progress:
         record = _planned(arguments, shown_in(source.read(places), arguments.units), progress)
-        written = dict(zip(places, _texts(record), strict=True)) if out else {}
+        written = dict(zip(places, texts_of(record).values(), strict=True)) if out else {}
         write_all(written)
     from obseq.report.planning import plan_summary
 
     print(plan_summary(record, [str(path) for path in written]), end="")
+    return exit_code(record)
+
+
+def exit_code(record: "PlanRecord") -> int:
+    """0 where all is determined, and draws agree with the prediction."""
     disagrees = record.draws is not None and not record.draws.agrees
     return INCOMPLETE if disagrees or not record.adjustment.is_complete else 0
 
@@ -129,17 +134,14 @@ def _planned(arguments: argparse.Namespace, network: "Network", progress: Progre
     return found.record(arguments.most)
 
 
-def _texts(record: "PlanRecord") -> tuple[str, str, str]:
-    """The contents of plan.json, plan.txt and plan.html."""
+def texts_of(record: "PlanRecord") -> dict[str, str]:
+    """The contents of plan.json, plan.txt and plan.html, by the names of the formats."""
     from obseq.report.listing import listing
     from obseq.report.planned import plan_page
     from obseq.report.planning import plan_json, plan_summary
 
-    return (
-        plan_json(record),
-        plan_summary(record) + "\n" + listing(record.adjustment),
-        plan_page(record),
-    )
+    told = plan_summary(record) + "\n" + listing(record.adjustment)
+    return {"json": plan_json(record), "text": told, "html": plan_page(record)}
 
 
 def run_simulate(arguments: argparse.Namespace) -> int:

@@ -1,7 +1,11 @@
 """`obseq report`: the reports of a stored result, made again."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeVar
+
+from msgspec import structs
 
 from obseq.cli.parsing import Commands, add_command, say
 from obseq.cli.results import (
@@ -16,14 +20,21 @@ from obseq.cli.results import (
 )
 from obseq.errors import InputError
 from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.comparison import ComparisonRecord
+from obseq.records.plan import PlanRecord
+from obseq.records.record import from_plain
+from obseq.records.shown_units import chosen_units
 from obseq.report.result_file import read_plain
 from obseq.writing import check_writable, write_all
 
-BLOCK, STEM = "obseq-bundle", "bundle"
-"""Format of the results of blocks of images, and the name of their files in a folder."""
+STEMS = {"obseq-bundle": "bundle", "obseq-plan": "plan", "obseq-comparison": "comparison"}
+"""Names of files in a folder, by the format of the result; of adjustments that of all others."""
+
+Kind = TypeVar("Kind", PlanRecord, ComparisonRecord)
 
 MORE = """
-Nothing is computed: what the reports say is what the file holds, of a network or of a block of images.
+Nothing is computed: what the reports say is what the file holds, of a network, a plan, a comparison or a
+block of images.
 Prints the summary; --out writes all reports in a folder."""
 
 EXAMPLE = """\
@@ -31,8 +42,9 @@ example:
   obseq report results/adjustment.json --html again.html
 
   obseq report results/bundle.json --html again.html
+  obseq report results/comparison.json --units ft --html again.html
 
-exit code: 0 done; 1 the adjustment had not converged, or points were left out; 2 could not run"""
+exit code: 0 done; 1 as the command that wrote the result; 2 could not run"""
 
 
 def register(commands: Commands) -> None:
@@ -45,10 +57,11 @@ def register(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Read the result, write the reports, print the summary."""
     plain = read_plain(arguments.result)
-    is_block = isinstance(plain, dict) and plain.get("format") == BLOCK
-    outputs = outputs_of(arguments, STEM if is_block else None)
+    kind = str(plain.get("format")) if isinstance(plain, dict) else ""
+    outputs = outputs_of(arguments, STEMS.get(kind))
     check_writable([path for path, _ in outputs], [arguments.result])
-    return _block(plain, arguments, outputs) if is_block else _network(plain, arguments, outputs)
+    ways = {"obseq-bundle": _block, "obseq-plan": _plan, "obseq-comparison": _comparison}
+    return ways.get(kind, _network)(plain, arguments, outputs)
 
 
 def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
@@ -68,8 +81,48 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
     if arguments.units:
         raise InputError("--units: reports of blocks of images are in the unit of their world, and in pixels")
     record = block_record_of(plain, str(arguments.result))
-    paths = [path for path, _ in outputs]
-    texts = {"text": summary(record, list(map(str, paths))), "json": record.to_json(), "html": page(record)}
-    write_all({path: texts[form.name] for path, form in outputs})
-    say(texts["text"], paths)
+    told = summary(record, _names(outputs))
+    _write({"text": told, "json": record.to_json(), "html": page(record)}, told, outputs)
     return 0 if record.is_complete else INCOMPLETE
+
+
+def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
+    """The same of a plan."""
+    from obseq.cli.plan import exit_code, texts_of
+    from obseq.report.planning import plan_summary
+
+    record = _read(PlanRecord, plain, arguments)
+    record = structs.replace(record, adjustment=in_units(record.adjustment, arguments))
+    _write(texts_of(record), plan_summary(record, _names(outputs)), outputs)
+    return exit_code(record)
+
+
+def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
+    """The same of a comparison."""
+    from obseq.cli.compare import reasons_of, texts_of
+    from obseq.report.comparison import comparison_summary
+
+    record = _read(ComparisonRecord, plain, arguments)
+    record = structs.replace(record, units=chosen_units(arguments.units, record.units))
+    _write(texts_of(record), comparison_summary(record, _names(outputs)), outputs)
+    return INCOMPLETE if any(reasons_of(record, [])) else 0
+
+
+def _read(kind: type[Kind], plain: object, arguments: argparse.Namespace) -> Kind:
+    """The record of a plan or of a comparison."""
+    version = structs.fields(kind)[-1].default
+    if isinstance(plain, dict) and plain.get("version") != version:
+        raise InputError(
+            f"{arguments.result}: it has another version than {version}; make it again with this obseq"
+        )
+    return from_plain(kind, plain, str(arguments.result))
+
+
+def _names(outputs: Outputs) -> list[str]:
+    return [str(path) for path, _ in outputs]
+
+
+def _write(texts: Mapping[str, str], told: str, outputs: Outputs) -> None:
+    """Write the reports by the names of their formats, and print the summary."""
+    write_all({path: texts[form.name] for path, form in outputs})
+    say(told, [path for path, _ in outputs])

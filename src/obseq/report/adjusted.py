@@ -20,7 +20,7 @@ from obseq.report.head import (
     shares,
     strip,
 )
-from obseq.report.quality import ellipse_level
+from obseq.report.named import ellipse_level
 from obseq.report.said import name, small
 from obseq.report.units import significant
 from obseq.report.verdict import Verdict as Test

@@ -1,30 +1,34 @@
-"""Columns of the tables of the interactive page: titles, quantities and numbers in metres and radians."""
+"""Columns of tables: titles, quantities and numbers in metres and radians.
+
+A table is declared once, with what is here. The page, texts and CSV are written from that (`report.writer`).
+"""
 
 from __future__ import annotations
 
 import math
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 from obseq.printable import printable_line
+from obseq.report.units import MANY, Plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from obseq.records.adjustment import EllipseRecord
 
-Plain = dict[str, Any]
-"""What a page holds as JSON."""
 Column = Plain
 Table = Plain
 
 PLACES = {"m": 5, "rad": 9}
 """Decimals of coordinates and observed values on the page: more than it shows in any unit."""
-DIGITS = 5
-"""Significant digits of residuals, precisions and what judges them."""
+DIGITS = 6
+"""Significant digits of residuals, precisions and what judges them: as many as a page holds of them."""
+EXACT = frozenset({"length", "angle", "observed", "count", "fine", "value"})
+"""Quantities that are kept to all their digits."""
+TEXTS = frozenset({"text", "choice", "point"})
+"""Quantities that are no numbers."""
 _SMALL = f"%.{DIGITS}g"
-MANY = 300
-"""Numbers from which arrays are quicker than one after the other."""
 _POWERS = [float(f"1e{k}") for k in range(23)]
 _EXACT = 1e12
 """Products below it are exact to a thousandth: ties of the last digit apart, rounded as decimals are."""
@@ -77,10 +81,14 @@ def all_small(values: Sequence[float | None]) -> list[float | None]:
 def column(title: str, quantity: str, values: Iterable[object], **more: object) -> Column:
     """A column of a table; its key is its title unless another is given.
 
+    Numbers are kept to the digits of a page, those of `EXACT` quantities to all that they have.
     `rare` ones are shown on request, `paper` is False for those that are not printed, `bar` draws the values
-    of `w` or `redundancy` beside them.
+    of `w` or `redundancy` beside them, `joined` ones follow the text before them where lines are short.
     """
-    return {"key": title, "title": title, "quantity": quantity, "values": list(values), **more}
+    found = list(values)
+    if quantity not in EXACT and quantity not in TEXTS:
+        found = list(all_small(cast("list[float | None]", found)))
+    return {"key": title, "title": title, "quantity": quantity, "values": found, **more}
 
 
 def choice(title: str, texts: Sequence[str], **more: object) -> Column:
@@ -103,22 +111,22 @@ def table(name: str, title: str, columns: Sequence[Column], **more: object) -> T
 
 
 def field(title: str, quantity: str, rows: Iterable[object], name: str, **more: object) -> Column:
-    """A column of one field of records, to the digits of residuals and precisions; dots lead inside."""
-    return column(title, quantity, all_small(list(map(attrgetter(name), rows))), **more)
+    """A column of one field of records; dots lead inside."""
+    return column(title, quantity, map(attrgetter(name), rows), **more)
 
 
 def inside(title: str, quantity: str, parts: Iterable[object], name: str, **more: object) -> Column:
     """The same of records of which some may be missing."""
     value = attrgetter(name)
     found = [None if row is None else value(row) for row in parts]
-    return column(title, quantity, all_small(found), **more)
+    return column(title, quantity, found, **more)
 
 
 def element(
     title: str, quantity: str, parts: Iterable[Sequence[float | None] | None], k: int, **more: object
 ) -> Column:
     """A column of one element of tuples of which some may be missing."""
-    return column(title, quantity, all_small([None if row is None else row[k] for row in parts]), **more)
+    return column(title, quantity, [None if row is None else row[k] for row in parts], **more)
 
 
 def ellipse_columns(ellipses: Iterable[EllipseRecord | None]) -> Iterator[Column]:

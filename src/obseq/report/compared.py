@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.report.columns import Plain, all_rounded, choice, column, ellipse_columns, field, table
+from obseq.report.columns import all_rounded
 from obseq.report.comparison import DATUMS, movements
+from obseq.report.content_comparison import displacements
 from obseq.report.head import (
     WORDS,
     Card,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.records.comparison import ComparisonRecord
+    from obseq.report.units import Plain
 
 KNOWN = 1
 
@@ -52,7 +54,7 @@ def shown(record: ComparisonRecord) -> Page:
         tuple(part for part in _lists(record, rows) if part.items),
         printed(rows),
         _plan(record) if has_verdict and rows else None,
-        [_displacements(record)] if has_verdict and rows else [],
+        [displacements(record)] if has_verdict and rows else [],
         (Section("provenance", "Provenance", facts=tuple(_facts(record)), words=WORDS),),
     )
 
@@ -172,59 +174,6 @@ def _plan(record: ComparisonRecord) -> Plain:
         "ellipses": f"ellipse {100 * (1 - record.level):g} % of the displacement",
         "displacements": "displacement, second epoch minus first",
     }
-
-
-def _displacements(record: ComparisonRecord) -> Plain:
-    found = record.displacements
-    columns = [
-        column("point", "point", range(len(found))),
-        choice("verdict", [_word(record, k) for k in range(len(found))]),
-        *(field(axis, "small_length", found, axis, by_size=True) for axis in ("east", "north", "up")),
-        *(field(f"s {axis}", "small_length", found, f"s_{axis}") for axis in ("east", "north", "up")),
-        field("length", "small_length", found, "length"),
-        column("test", "number", [row.test and row.test.statistic for row in found]),
-        column("limit", "number", [row.test and row.test.limit for row in found]),
-        column(
-            "p",
-            "small_number",
-            [row.test and row.test.p_value for row in found],
-            about="probability of a larger test where it has not moved",
-        ),
-        column(
-            "p over all",
-            "small_number",
-            [row.overall for row in found],
-            about="the same at any of the points (Holm)",
-        ),
-        *ellipse_columns(row.ellipse for row in found),
-    ]
-    note = "Second epoch minus first. The verdict judges all points together (Holm)."
-    return table(
-        "displacements",
-        "Displacements",
-        columns,
-        about=note,
-        rows="point",
-        order="length",
-        hint="moved length>5",
-    )
-
-
-def _word(record: ComparisonRecord, k: int) -> str:
-    row = record.displacements[k]
-    if row.point in record.undecided:
-        return "undecided"
-    if row.is_significant:
-        return "moved"
-    return (
-        "marginal"
-        if row.is_marginal
-        else "held"
-        if row.test is None
-        else "reference"
-        if row.is_reference
-        else "stayed"
-    )
 
 
 def _facts(record: ComparisonRecord) -> Iterator[tuple[str, str]]:

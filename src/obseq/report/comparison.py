@@ -4,16 +4,20 @@ from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
 from obseq.printable import listed, printable
-from obseq.records.comparison import ComparisonRecord, DisplacementRecord, TestRecord
+from obseq.records.comparison import ComparisonRecord, TestRecord
 from obseq.report import units
+from obseq.report.content_comparison import displacements
 from obseq.report.result_file import text_of
-from obseq.report.rows import Table
-from obseq.report.table import lines_of
+from obseq.report.writer import Writer
 from obseq.spreadsheets import csv_text
 
 MOST_POINTS = 20
 MOST_NAMES = 8
 MOST_OBSTACLES = 5
+KEYS = (
+    "point", "verdict", "east", "north", "up", "s east", "s north", "s up", "length", "test", "limit",
+)  # fmt: skip
+"""Columns of displacements on the terminal."""
 KNOWN = "known points"
 DATUMS = {KNOWN: "the known points that have stayed, by what the observations alone say"}
 
@@ -31,7 +35,7 @@ def comparison_summary(
     """
     sections = (
         _verdict(record),
-        lines_of(_table(record, record.displacements[:most])),
+        _table(record, most),
         _rest(record, most),
         _sigma0(record),
         [f"written: {', '.join(written)}"] if written else [],
@@ -119,23 +123,11 @@ def _tested(test: TestRecord) -> str:
     )
 
 
-def _table(record: ComparisonRecord, chosen: Sequence[DisplacementRecord]) -> Table:
-    small = units.Units(record.units).small_length
-    title = f"Displacements, second epoch minus first ({small.name}), tested at {100 * record.level:g} %"
-    header = ("point", "east", "north", "up", "s east", "s north", "s up", "length", "statistic", "limit", "")
-    open_ = set() if record.obstacles else set(record.undecided)
-    return Table(title, header, tuple(_cells(row, small, is_undecided=row.point in open_) for row in chosen))
-
-
-def _cells(row: DisplacementRecord, small: units.Scale, *, is_undecided: bool) -> tuple[str, ...]:
-    numbers = (row.east, row.north, row.up, row.s_east, row.s_north, row.s_up, row.length)
-    verdict = "moved" if row.is_significant else "marginal" if row.is_marginal else ""
-    verdict = "reference" if row.is_reference and not verdict else verdict
-    verdict = "undecided" if is_undecided else verdict
-    if row.test is None:
-        return (row.point, *map(small.number, numbers), units.ABSENT, units.ABSENT, "held")
-    statistic, limit = f"{row.test.statistic:.2f}", f"{row.test.limit:.2f}"
-    return (row.point, *map(small.number, numbers), statistic, limit, verdict)
+def _table(record: ComparisonRecord, most: int | None) -> Iterator[str]:
+    writer = Writer([row.point for row in record.displacements], units.Units(record.units))
+    rows = range(len(record.displacements))[:most]
+    title = f"Displacements, second epoch minus first, tested at {100 * record.level:g} %"
+    yield from writer.lines(displacements(record), rows, KEYS, title)
 
 
 def _rest(record: ComparisonRecord, most: int | None) -> Iterator[str]:

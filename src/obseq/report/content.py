@@ -20,14 +20,12 @@ from obseq.report.columns import (
     field,
     inside,
     rounded,
-    small,
     table,
 )
-from obseq.report.quality import ellipse_level
-from obseq.report.rows import short_names, unit_of
+from obseq.report.named import ellipse_level, unit_of, where
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
 
@@ -76,14 +74,13 @@ def _observations(record: AdjustmentRecord, rows: Rows) -> Table | None:
 def _observed(record: AdjustmentRecord, rows: Rows) -> list[Column]:
     found = record.observations
     places = [PLACES[unit_of(row)] for row in found]
-    names = short_names({row.file for row in found})
     columns = [
         choice("type", [row.type for row in found]),
         column("from", "point", (rows[row.origin] for row in found)),
         column("to", "point", (rows[row.target] for row in found)),
         column("backsight", "point", (rows.get(row.backsight or "") for row in found)),
-        choice("file", [names[row.file] for row in found], paper=False),
-        column("line", "count", (row.line for row in found), paper=False),
+        *where(found),
+        *_uses(found),
         column(
             "intended" if record.planned else "observed",
             "observed",
@@ -97,6 +94,13 @@ def _observed(record: AdjustmentRecord, rows: Rows) -> list[Column]:
             field("residual", "small", found, "residual", by_size=True, about="computed minus observed"),
         ]
     return columns
+
+
+def _uses(found: Sequence[ObservationRecord]) -> Iterator[Column]:
+    """Whether each takes part, where some do not."""
+    if not all(row.active for row in found):
+        words = ["yes" if row.active else "rejected" if row.rejected else "not used" for row in found]
+        yield choice("used", words, about="rejected: left out by data snooping")
 
 
 def _judged(record: AdjustmentRecord) -> list[Column]:
@@ -157,7 +161,7 @@ def _of_observations(record: AdjustmentRecord) -> str:
     found = record.reliability
     if record.planned:
         return "Nothing is measured yet: what the tests of each would find, and what they would miss."
-    text = "Residuals are computed minus observed; struck out: not used."
+    text = "Residuals are computed minus observed."
     if found is None:
         return f"{text} w is the residual over its sigma."
     return (
@@ -203,7 +207,8 @@ def _coordinates(record: AdjustmentRecord, is_other: bool) -> list[Column]:
     placed = {axis: all_rounded([getattr(point, axis) for point in found]) for axis in "xyz"}
     frame = [column(names[axis], "length", placed[axis], rare=is_other) for axis in "xyz"]
     kind = "crs_s" if has_own else "s"
-    return [*given, *frame, *(field(f"s{axis}", "small_length", found, f"{kind}{axis}") for axis in "xyz")]
+    own = {axis: f"s{axis}" if has_own or not is_other else f"frame s{axis}" for axis in "xyz"}
+    return [*given, *frame, *(field(own[axis], "small_length", found, f"{kind}{axis}") for axis in "xyz")]
 
 
 def _counted(record: AdjustmentRecord) -> list[Column]:
@@ -247,19 +252,17 @@ def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
     found = record.constraints
     if not found:
         return None
-    names = short_names({row.file for row in found})
     unit = {"unit": record.points_crs_unit} if record.points_crs_unit not in (None, "m") else {}
     columns = [
         column("point", "point", (rows.get(row.point) for row in found)),
         choice("coordinate", [row.coordinate for row in found]),
+        *where(found),
         column("given", "length", (rounded(row.value, 9) for row in found), **unit),
         field("sigma", "small_length", found, "sigma"),
         field("residual", "small_length", found, "residual", by_size=True),
         field("normalised", "number", found, "normalised_residual", by_size=True, limit=4.0),
         field("w", "number", found, "standardised_residual", by_size=True, bar="w"),
         field("redundancy", "number", found, "redundancy", bar="redundancy"),
-        choice("file", [names[row.file] for row in found], paper=False),
-        column("line", "count", (row.line for row in found), paper=False),
     ]
     return table(
         "known", "Known points", columns, order="normalised", about="Residuals are adjusted minus given."
@@ -271,19 +274,17 @@ def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
     found = record.joint
     if not found:
         return None
-    names = short_names({row.file for row in found})
-    off = (small(math.hypot(*row.blunder)) for row in found)
+    off = (math.hypot(*row.blunder) for row in found)
     columns = [
-        column("vector", "text", (printable_line(row.what) for row in found)),
+        column("vector", "text", [printable_line(row.what) for row in found]),
+        *where(found),
         field("T", "number", found, "statistic"),
         column("degrees", "count", (row.degrees for row in found)),
         field("limit", "number", found, "critical"),
-        column("T / limit", "number", (small(row.statistic / row.critical) for row in found), limit=1.0),
+        column("T / limit", "number", (row.statistic / row.critical for row in found), limit=1.0),
         column("off by", "small_length", off, about="estimate of its error, if it were the only one"),
         field("up", "small_length", found, "rise", about="the same, if its height alone were wrong"),
         field("w of that", "number", found, "rise_test", by_size=True),
-        choice("file", [names[row.file] for row in found], paper=False),
-        column("line", "count", (row.line for row in found), paper=False),
     ]
     about = (
         "Each is tested as one observation: T of all components together; its limit finds errors as large "

@@ -13,15 +13,14 @@ from obseq.report.columns import (
     ellipse_columns,
     field,
     rounded,
-    small,
     table,
 )
-from obseq.report.quality import ellipse_level, parts_per_million
+from obseq.report.named import ellipse_level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.records.adjustment import AdjustmentRecord, StatisticsRecord
+    from obseq.records.adjustment import AdjustmentRecord, RelativeRecord, StatisticsRecord
 
     Rows = dict[str, int]
 
@@ -67,12 +66,17 @@ def relative(record: AdjustmentRecord, rows: Rows) -> Table | None:
         column("second", "point", (rows.get(row.second) for row in found)),
         column("distance", "length", (rounded(row.distance) for row in found)),
         field("s distance", "small_length", found, "precision"),
-        column("ppm", "number", (small(parts_per_million(row)) for row in found)),
+        column("ppm", "number", map(_parts_per_million, found)),
         field("s bearing", "small_angle", found, "bearing_precision"),
         *ellipse_columns(row.ellipse for row in found),
     ]
     about = f"Precisions {record.precision or 'as in the record'}; ellipses {ellipse_level(record)}."
     return table("relative", "Pairs", columns, about=about, order="s distance")
+
+
+def _parts_per_million(item: RelativeRecord) -> float | None:
+    """The precision of a distance as a share of it; None where the two points are not told apart."""
+    return 1e6 * item.precision / item.distance if item.distance > item.precision else None
 
 
 def components(record: AdjustmentRecord, _: Rows) -> Table | None:

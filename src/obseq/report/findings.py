@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.printable import listed
 from obseq.report.head import Finding, Findings, Place, counted
-from obseq.report.quality import ellipse_level
-from obseq.report.rows import short_names, unit_of
+from obseq.report.named import ellipse_level, short_names, unit_of
 from obseq.report.said import length, name, observed, small
 from obseq.report.verdict import Verdict as Test
 
@@ -63,7 +62,7 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
 def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     rows = [place.row for place in item.observations]
     one = record.observations[rows[0]] if len(rows) == 1 else None
-    files = short_names({row.file for row in record.observations})
+    files = short_names(row.file for row in record.observations)
     sigma = item.sigma[0] if item.sigma else 0.0
     off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
     text = item.text[:1].upper() + item.text[1:]

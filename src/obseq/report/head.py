@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from obseq.records.record import Record
-from obseq.report.columns import Plain  # noqa: TC001  # fields are read at run time
+from obseq.report.units import Plain  # noqa: TC001  # fields are read at run time
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -138,6 +138,7 @@ class Page(Record, frozen=True, omit_defaults=False):
         tables: See `report.columns`.
         sections: What else there is.
         first: What is selected when the page opens.
+        scales: How quantities are shown, see `report.units`.
     """
 
     kind: str
@@ -154,6 +155,7 @@ class Page(Record, frozen=True, omit_defaults=False):
     sections: tuple[Section, ...]
     limit: float | None = None
     first: Place | None = None
+    scales: Plain | None = None
 
 
 def gauge(value: float, lower: float, upper: float, level: str) -> Plain:

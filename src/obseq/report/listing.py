@@ -5,53 +5,28 @@ from collections.abc import Iterator
 from obseq.arguments import expecting, instance
 from obseq.printable import printable
 from obseq.records.adjustment import AdjustmentRecord
-from obseq.report import rows
 from obseq.report.basis import basis, how_it_ended, kinds
-from obseq.report.quality import quality_tables, single_tests, snooping_lines, vector_table, worst_vectors
-from obseq.report.summary import (
-    gross_errors,
-    left_out,
-    notes,
-    tested,
-    warnings,
-)
-from obseq.report.table import lines_of, wrapped
-from obseq.report.units import significant
-from obseq.report.verdict import Verdict, worst_constraints_first
+from obseq.report.content import numbers_of, tables
+from obseq.report.quality import single_tests, snooping_lines
+from obseq.report.spared import spared
+from obseq.report.summary import gross_errors, left_out, notes, tested, warnings
+from obseq.report.units import significant, units_of
+from obseq.report.verdict import Verdict
+from obseq.report.writer import Writer, wrapped
 
 
 @expecting(record=instance(AdjustmentRecord))
 def listing(record: AdjustmentRecord) -> str:
-    """The listing, in the units of the record's reports (metres and gon unless the files have others)."""
-    tables = [rows.frame_table(record, record.points)]
-    if record.points_crs != record.frame:
-        tables.append(rows.crs_table(record, record.points))
-    tables.append(rows.station_table(record))
-    tables.append(
-        rows.observation_table(record, "Observations, in the order of the files", record.observations)
-    )
-    if record.reliability:
-        tables.append(rows.judged_table(record))
-    if record.joint:
-        title = "Vectors and positions by their test T, with the estimate of their errors"
-        tables.append(vector_table(record, title, worst_vectors(record)))
-    if record.types:
-        title = "Statistics by type: normalised residuals, the largest standardised one, factor of the sigmas"
-        tables.append(rows.statistics_table(title, "type", record.types))
-    if record.setups:
-        tables.append(rows.statistics_table("Statistics by station", "from", record.setups))
-    if any(point.known or point.moved or point.inner for point in record.points):
-        tables.append(rows.moved_table(record))
-    if record.undetermined:
-        tables.append(rows.motion_table(record.undetermined))
-    known = worst_constraints_first(record)
-    if known:
-        title = "Known coordinates, the worst normalised residual first"
-        tables.append(rows.constraint_table(record, title, known))
-    tables += quality_tables(record)
+    """The listing, in the units of the record's reports (metres and gon unless the files have others).
+
+    Its tables are those of the page; observations and points are in the order of the files.
+    """
+    given = spared(record)
+    rows = numbers_of(given)
+    writer = Writer(list(rows), units_of(record))
     parts = (_head(record), warnings(record, len(record.warnings)), notes(record))
     heads = ["\n".join(wrapped(part)) for part in parts]
-    sections = [*heads, *("\n".join(lines_of(table)) for table in tables)]
+    sections = [*heads, *("\n".join(writer.lines(table)) for table in tables(given, rows))]
     return printable("\n\n".join(section for section in sections if section) + "\n")
 
 

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.report import rows
 from obseq.report.basis import how_it_ended, kinds
-from obseq.report.figure import network_figure, plan_figure
+from obseq.report.content import numbers_of, tables
+from obseq.report.figure import figure
 from obseq.report.html import escaped
+from obseq.report.plan import plan, plan_of_points
 from obseq.report.quality import single_tests, suspects
+from obseq.report.spared import spared
 from obseq.report.summary import gross_errors, left_out, tested
-from obseq.report.units import significant
-from obseq.report.verdict import Verdict, worst_first, worst_title
+from obseq.report.units import significant, units_of
+from obseq.report.verdict import Verdict
+from obseq.report.writer import Writer, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from obseq.records.adjustment import AdjustmentRecord, PointRecord
+    from obseq.report.writer import Printed
 
 WORST = 10
 MOST_POINTS = 20
@@ -33,10 +37,27 @@ STYLE = """
 
 def adjustment_html(record: AdjustmentRecord) -> str:
     """The outcome, the plan with ellipses, the worst observations with their reliability, the points."""
-    worst = worst_first(record)[:WORST]
-    observed = rows.observation_table(record, f"Observations by {worst_title(record)}", worst)
-    points = rows.frame_table(record, record.points[:MOST_POINTS])
-    return _framed([*_outcome(record), network_figure(record), _table(observed), _table(points)])
+    given = spared(record)
+    numbers = numbers_of(given)
+    writer, found = (
+        Writer(list(numbers), units_of(record)),
+        {item["id"]: item for item in tables(given, numbers)},
+    )
+    shown = []
+    if "observations" in found:
+        rows = worst(found["observations"], "effect" if record.planned else "w")[:WORST]
+        shown.append(_table("Observations", writer.printed(found["observations"], rows)))
+    if "points" in found:
+        rows = list(range(len(record.points)))[:MOST_POINTS]
+        shown.append(_table("Points", writer.printed(found["points"], rows)))
+    return _framed([*_outcome(record), network_figure(given), *shown])
+
+
+def network_figure(record: AdjustmentRecord) -> str:
+    """The plan of an adjusted network as an SVG element."""
+    numbers = numbers_of(record)
+    sights = ((row.origin, row.target) for row in record.observations if row.active)
+    return figure(plan(record, numbers), list(numbers), sights)
 
 
 def adjustment_text(record: AdjustmentRecord) -> str:
@@ -49,7 +70,8 @@ def network_html(
     points: Sequence[PointRecord], sights: Iterable[tuple[str, str]], stations: set[str], counts: str
 ) -> str:
     """A network before its adjustment: what it consists of, and the plan of what has coordinates."""
-    return _framed([f"<p>{escaped(counts)}</p>", plan_figure(points, sights, stations)])
+    drawn = figure(plan_of_points(points, stations), [point.name for point in points], sights)
+    return _framed([f"<p>{escaped(counts)}</p>", drawn])
 
 
 def _framed(parts: Iterable[str]) -> str:
@@ -73,13 +95,16 @@ def _told(record: AdjustmentRecord) -> list[tuple[str, bool]]:
     ]
 
 
-def _table(table: rows.Table) -> str:
-    body = "".join(_row(row, table.left, "td") for row in table.rows)
-    return f"<p>{escaped(table.title)}</p><table>{_row(table.header, table.left, 'th')}{body}</table>"
+def _table(title: str, printed: Iterable[Printed]) -> str:
+    columns = list(printed)
+    heads = [f"{column.title} {column.unit}".rstrip() for column in columns]
+    grid = [_row(columns, cells, "td") for cells in zip(*(column.cells for column in columns), strict=True)]
+    return f"<p>{title}</p><table>{_row(columns, heads, 'th')}{''.join(grid)}</table>"
 
 
-def _row(cells: tuple[str, ...], left: int, tag: str) -> str:
+def _row(columns: Sequence[Printed], cells: Sequence[str], tag: str) -> str:
     parts = (
-        f'<{tag} class="{"name" if k < left else ""}">{escaped(cell)}</{tag}>' for k, cell in enumerate(cells)
+        f'<{tag} class="{"name" if column.is_text else ""}">{escaped(cell)}</{tag}>'
+        for column, cell in zip(columns, cells, strict=True)
     )
     return f"<tr>{''.join(parts)}</tr>"

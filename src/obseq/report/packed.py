@@ -9,13 +9,13 @@ import base64
 import gzip
 from typing import TYPE_CHECKING
 
+from obseq.report.columns import EXACT
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 LONG = 400
 """Values from which a column is packed: of fewer, JSON is as short."""
-EXACT = frozenset({"length", "angle", "observed", "count"})
-"""Quantities that are kept to all their digits; the others to seven."""
 WHOLE = frozenset({"choice", "point"})
 
 
@@ -31,5 +31,9 @@ def packed(values: Sequence[object], quantity: str) -> object:
         numbers = np.array(values, np.float64 if quantity in EXACT else np.float32)
     size = numbers.dtype.itemsize
     shuffled = numbers.astype(numbers.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, size).T
-    squeezed = gzip.compress(shuffled.tobytes(), 6, mtime=0)
-    return {"type": f"{numbers.dtype.kind}{size}", "bytes": base64.b64encode(squeezed).decode()}
+    return {"type": f"{numbers.dtype.kind}{size}", "bytes": squeezed(shuffled.tobytes())}
+
+
+def squeezed(content: bytes) -> str:
+    """Bytes as text that the browser inflates."""
+    return base64.b64encode(gzip.compress(content, 6, mtime=0)).decode()

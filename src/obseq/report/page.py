@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING
@@ -16,14 +17,15 @@ from obseq.report import adjusted, findings, spared
 from obseq.report.content import numbers_of, tables
 from obseq.report.head import Page, Place
 from obseq.report.html import escaped
-from obseq.report.packed import packed
+from obseq.report.packed import packed, squeezed
 from obseq.report.plan import plan
+from obseq.report.units import scales
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from obseq.records.adjustment import RunRecord
-    from obseq.report.columns import Plain
+    from obseq.report.units import Plain
 
 MOST_OBSERVATIONS = 20_000
 """Rows that a page of a large network has; the result file has all."""
@@ -128,15 +130,15 @@ def document(shown: Page) -> str:
     """The HTML document."""
     return Template(_part("page.html")).substitute(
         title=escaped(shown.title),
-        style=_bare(_part("page.css")),
+        style=_part("page.css"),
         content=_embedded(encoded(_packed(shown))),
-        script="\n".join(_bare(_part(f"{name}.js")) for name in SCRIPTS),
+        script=_script(),
     )
 
 
 def _packed(shown: Page) -> Page:
     """The page whose long columns are bytes."""
-    return structs.replace(shown, tables=[_shorter(table) for table in shown.tables])
+    return structs.replace(shown, tables=[_shorter(table) for table in shown.tables], scales=scales())
 
 
 def _shorter(table: Plain) -> Plain:
@@ -149,10 +151,11 @@ def _part(name: str) -> str:
     return files("obseq.report").joinpath("web", name).read_text(encoding="utf-8")
 
 
-def _bare(source: str) -> str:
-    """Source text without its indents and its comments, which stand on lines of their own."""
-    lines = (line.strip() for line in source.splitlines())
-    return "\n".join(line for line in lines if line and not line.startswith(("//", "/**", "*")))
+@cache
+def _script() -> str:
+    """The sources of the script as they are read, compressed."""
+    sources = ('"use strict";', *(_part(f"{name}.js") for name in SCRIPTS), "//# sourceURL=obseq.js")
+    return squeezed("\n".join(sources).encode())
 
 
 def _embedded(text: str) -> str:

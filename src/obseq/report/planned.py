@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 from msgspec import structs
 
-from obseq.printable import printable_line
 from obseq.report import adjusted, findings
-from obseq.report.columns import Plain, choice, column, field, table
+from obseq.report.content_plan import plan_tables
 from obseq.report.head import Card, Finding, Findings, Page, Place, Verdict, counted, share, strip
 from obseq.report.page import adjustment_page, document
 from obseq.report.planning import draws_told
@@ -31,7 +30,6 @@ def shown(record: PlanRecord) -> Page:
     """All that the page of a plan shows."""
     base = adjustment_page(record.adjustment)
     rows = {point.name: k for k, point in enumerate(record.adjustment.points)}
-    gains = [table for table in (_gains(record, rows),) if table]
     kept = tuple(card for card in base.cards if card.label in ("redundancy", "unchecked"))
     return structs.replace(
         base,
@@ -45,7 +43,7 @@ def shown(record: PlanRecord) -> Page:
             for part in (Findings("Look at first", tuple(_findings(record, rows))), *base.lists[-1:])
             if part.items
         ),
-        tables=[*base.tables[:1], *gains, *base.tables[1:]],
+        tables=[*base.tables[:1], *plan_tables(record, rows), *base.tables[1:]],
         limit=None,
         first=None,
     )
@@ -143,27 +141,3 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
         )
     for line in draws_told(record.draws):
         yield Finding("info", "Draws", name(line))
-
-
-def _gains(record: PlanRecord, rows: dict[str, int]) -> Plain | None:
-    found = record.gains
-    if not found:
-        return None
-    columns = [
-        choice("type", [item.type for item in found]),
-        column("from", "point", (rows.get(item.origin) for item in found)),
-        column("to", "point", (rows.get(item.target) for item in found)),
-        column("sigma", "small", [item.sigma for item in found]),
-        field("network now", "small_length", found, "before"),
-        field("then", "small_length", found, "after"),
-        column(
-            "point", "text", [printable_line(item.point) for item in found], about="the point that gains most"
-        ),
-        field("point now", "small_length", found, "point_before"),
-        field("point then", "small_length", found, "point_after"),
-    ]
-    about = (
-        f"What one more observation would bring, the best of {record.candidates} tried. Network: root mean "
-        "square of the standard deviations of all coordinates."
-    )
-    return table("gains", "Gains", columns, about=about, angular=[int(item.unit == "rad") for item in found])

@@ -7,14 +7,14 @@ from obseq.arguments import TEXT, TEXTS, WORDS, expecting, instance
 from obseq.errors import InputError
 from obseq.printable import listed, printable
 from obseq.records.adjustment import AdjustmentRecord
-from obseq.report import rows, units
+from obseq.report import units
 from obseq.report.adjusted import cards, verdict
-from obseq.report.content import numbers_of
-from obseq.report.quality import single_tests, snooping_lines, vector_table, worst_vectors
+from obseq.report.content import numbers_of, tables
+from obseq.report.quality import single_tests, snooping_lines
 from obseq.report.said import plain
 from obseq.report.spared import spared
-from obseq.report.table import lines_of
-from obseq.report.verdict import Verdict, worst_constraints_first, worst_first, worst_title
+from obseq.report.verdict import Verdict
+from obseq.report.writer import Writer, worst
 
 WIDTH = 100
 MOST_POINTS = 8
@@ -22,6 +22,11 @@ MOST_NOTES = 2
 SHOWN = ("points", "observations", "known")
 """Tables that a summary may have."""
 SIGNS = {"\u2192": "->", "\u03c3": "sigmas", " \u00b7 ": "; ", "\u00d7": "x", "\u2013": "-"}
+TERSE = (
+    "type", "from", "to", "file", "line", "observed", "sigma", "residual", "w", "redundancy", "point",
+    "coordinate", "given", "normalised", "vector", "T", "limit", "T / limit", "off by",
+)  # fmt: skip
+"""Columns of the worst rows."""
 MOST_ERRORS = 5
 MOST_ITERATIONS = 9
 MOST_WARNINGS = 3
@@ -118,19 +123,24 @@ def _iterations(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def _table(record: AdjustmentRecord, name: str) -> Iterator[str]:
-    """A table that is asked for."""
+    """A table that is asked for, the worst first."""
     if name not in SHOWN:
         raise InputError(f"there is no table {name!r} to show; there are {', '.join(SHOWN)}")
     yield ""
-    if name == "points":
-        yield from _coordinates(record)
-    elif name == "known":
-        title = "Known coordinates, the worst first"
-        yield from lines_of(rows.constraint_table(record, title, worst_constraints_first(record)))
-    else:
-        found = worst_first(record)
-        yield from lines_of(rows.observation_table(record, f"Observations by {worst_title(record)}", found))
+    yield from _lines(record, name, by={"observations": "w", "known": "normalised"}.get(name))
     yield ""
+
+
+def _lines(
+    record: AdjustmentRecord, name: str, by: str | None = None, most: int | None = None
+) -> Iterator[str]:
+    """The first rows of a table, those of the largest values of a column first."""
+    numbers = numbers_of(record)
+    writer = Writer(list(numbers), units.units_of(record))
+    for table in tables(record, numbers):
+        if table["id"] == name:
+            rows = range(len(table["columns"][0]["values"])) if by is None else worst(table, by)
+            yield from writer.lines(table, rows[:most], () if most is None else TERSE)
 
 
 def _notes(record: AdjustmentRecord, most: int) -> Iterator[str]:
@@ -214,23 +224,14 @@ def notes(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
-    worst = worst_first(record)[:WORST]
-    yield from lines_of(rows.observation_table(record, f"Observations by {worst_title(record)}", worst))
+    yield from _lines(record, "observations", "w", WORST)
     if record.joint:
-        title = "Vectors and positions by their test T, with the estimate of their errors"
         yield ""
-        yield from lines_of(vector_table(record, title, worst_vectors(record)[:WORST]))
+        yield from _lines(record, "vectors", "T / limit", WORST)
 
 
 def _known(record: AdjustmentRecord) -> Iterator[str]:
     """The known coordinates that fit worst, when some are beyond what one expects of a few."""
-    worst = [row for row in worst_constraints_first(record) if abs(row.normalised_residual) > NOTABLE]
-    if worst:
-        yield from lines_of(rows.constraint_table(record, "Known coordinates that fit worst", worst[:WORST]))
-
-
-def _coordinates(record: AdjustmentRecord) -> Iterator[str]:
-    yield from lines_of(rows.frame_table(record, record.points))
-    if record.points_crs != record.frame:
-        yield ""
-        yield from lines_of(rows.crs_table(record, record.points))
+    count = sum(abs(row.normalised_residual) > NOTABLE for row in record.constraints)
+    if count:
+        yield from _lines(record, "known", "normalised", min(count, WORST))

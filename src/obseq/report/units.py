@@ -1,12 +1,27 @@
 """Numbers as a surveyor reads them: residuals and precisions in the small unit beside that of the values."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any
 
 from obseq.dataclass import dataclass
-from obseq.records.adjustment import AdjustmentRecord
-from obseq.records.shown_units import METRES, ShownUnits
+from obseq.records.shown_units import ANGLES, METRES, ShownUnits
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.records.adjustment import AdjustmentRecord
+
+Plain = dict[str, Any]
+"""What a page holds as JSON."""
 ABSENT = "-"
+SMALLEST, LARGEST = -4, 7
+"""Powers of ten that are written without an exponent; the script of the page has the same."""
+MANY = 300
+"""Numbers from which they are written all at once."""
+TIE = 1.0 + 1e-14
+"""What makes a tie of the last decimal go away from zero, in every writer: more than rounding of products."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +44,19 @@ class Scale:
         """A value (m or rad), without the unit."""
         return fixed(None if value is None else value * self.factor, self.decimals)
 
+    def numbers(self, values: Sequence[float | None]) -> list[str]:
+        """Many values (m or rad), without the unit."""
+        if type(self) is not Scale or len(values) < MANY:
+            return list(map(self.number, values))
+        import numpy as np
+
+        numbers = np.array(values, np.float64) * self.factor * TIE  # None is NaN
+        numbers[np.abs(numbers) < 0.5 * 10.0**-self.decimals] = 0.0
+        texts = (f"%.{self.decimals}f\n" * len(numbers) % tuple(numbers.tolist())).split("\n")[:-1]
+        for k in np.flatnonzero(~np.isfinite(numbers)).tolist():
+            texts[k] = ABSENT
+        return texts
+
     def text(self, value: float | None) -> str:
         """A value (m or rad), with the unit."""
         number = self.number(value)
@@ -50,7 +78,7 @@ class Sexagesimal(Scale):
         """An angle (rad)."""
         if value is None or not math.isfinite(value):
             return ABSENT
-        hundredths = round(abs(value) * self.factor * 360_000.0)
+        hundredths = math.floor(abs(value) * self.factor * 360_000.0 * TIE + 0.5)
         sign = "-" if value < 0.0 and hundredths else ""
         minutes, rest = divmod(hundredths, 6000)
         return f"{sign}{minutes // 60}-{minutes % 60:02d}-{rest / 100:05.2f}"
@@ -61,6 +89,15 @@ class Sexagesimal(Scale):
             return ABSENT
         text = self.number(value % math.tau)
         return self.number(0.0) if text.startswith("360-") else text
+
+
+@dataclass(frozen=True)
+class Significant(Scale):
+    """Numbers of any size, with so many significant digits."""
+
+    def number(self, value: float | None) -> str:
+        """A number."""
+        return significant(value, self.decimals)
 
 
 _GON, _DEGREE = 200.0 / math.pi, 180.0 / math.pi
@@ -76,6 +113,18 @@ _ANGLES = {
 }
 
 
+PLAIN = {
+    "count": Scale("", 1.0, 0),
+    "number": Scale("", 1.0, 2),
+    "fine": Scale("", 1.0, 4),
+    "small_number": Significant("", 1.0, 4),
+    "value": Significant("", 1.0, 10),
+    "pixel": Scale("px", 1.0, 3),
+    "coarse_pixel": Scale("px", 1.0, 1),
+}
+"""Quantities that have one unit, or none."""
+MIXED = {"observed": ("length", "angle"), "small": ("small_length", "small_angle")}
+"""Quantities of columns that hold lengths and angles."""
 DECIMALS = {"degree": 9, "grad": 9, "kilometre": 7}
 """Decimals of coordinates, by their unit: a tenth of a millimetre; 4 for what is not listed."""
 
@@ -96,6 +145,21 @@ class Units:
         self.length, self.small_length = _LENGTHS[shown.length]
         self.angle, self.small_angle = _ANGLES[shown.angle]
 
+    def scale(self, quantity: str, *, is_angular: bool = False) -> Scale:
+        """How a quantity is shown; one that holds lengths and angles, by what it is in a row."""
+        name = MIXED[quantity][is_angular] if quantity in MIXED else quantity
+        if name == "bearing":
+            return self._rough
+        found: Scale | None = PLAIN.get(name) or getattr(self, name)
+        assert found is not None
+        return found
+
+    @property
+    def _rough(self) -> Scale:
+        """Of bearings of axes."""
+        is_gon = self.angle.turn == 400.0
+        return Scale("gon" if is_gon else "deg", _GON if is_gon else _DEGREE, 1, self.angle.turn)
+
     def observed(self, unit: str, value: float | None) -> str:
         """An observed value (rad or m), with its unit."""
         return (self.angle if unit == "rad" else self.length).text(value)
@@ -104,19 +168,6 @@ class Units:
         """A residual or a sigma (rad or m), with its unit."""
         return (self.small_angle if unit == "rad" else self.small_length).text(value)
 
-    def coordinate(self, value: float | None, unit: str) -> str:
-        """A coordinate given in a unit of its system, to a tenth of a millimetre, without its unit."""
-        return self.length.number(value) if unit == "m" else fixed(value, DECIMALS.get(unit, 4))
-
-    def coordinate_name(self, unit: str) -> str:
-        """The unit that such coordinates are shown in."""
-        return self.length.name if unit == "m" else unit
-
-    def bearing(self, value: float | None) -> str:
-        """The bearing of an axis (rad), roughly, without the unit."""
-        scale = _ANGLES["gon" if self.angle.turn == 400.0 else "degree"][0]
-        return fixed(None if value is None else value * scale.factor, 1)
-
     @property
     def words(self) -> str:
         """The units, for the head of a report."""
@@ -124,11 +175,6 @@ class Units:
         if self.small_length.name == self.length.name:
             return f"{self.length.name}; {angles}"
         return f"{self.length.name} and {self.small_length.name}; {angles}"
-
-    @property
-    def bearing_name(self) -> str:
-        """The unit of bearings."""
-        return "gon" if self.angle.turn == 400.0 else "deg"
 
 
 METRIC = Units(ShownUnits())
@@ -140,25 +186,45 @@ def units_of(record: AdjustmentRecord) -> Units:
     return Units(record.units)
 
 
-def plural(unit: str) -> str:
-    """What a title calls a unit."""
-    return (
-        unit
-        if len(unit) == 1 or unit in METRES
-        else unit.replace("foot", "feet")
-        if "foot" in unit
-        else f"{unit}s"
-    )
-
-
 def fixed(value: float | None, decimals: int) -> str:
     """A number with that many decimals; a dash when it is not defined; never a negative zero."""
     if value is None or not math.isfinite(value):
         return ABSENT
-    text = f"{value:.{decimals}f}"
+    text = f"{value * TIE:.{decimals}f}"
     return text.removeprefix("-") if float(text) == 0.0 else text
 
 
 def significant(value: float | None, digits: int = 6) -> str:
     """A number with that many significant digits, for quantities whose size varies (sigma0, steps)."""
-    return ABSENT if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+    if value is None or not math.isfinite(value):
+        return ABSENT
+    mantissa, exponent = f"{value * TIE:.{digits - 1}e}".split("e")
+    power = int(exponent)
+    if not SMALLEST <= power < LARGEST:
+        return f"{_shortened(mantissa)}e{power}"
+    return _shortened(f"{value * TIE:.{max(0, digits - 1 - power)}f}")
+
+
+def _shortened(text: str) -> str:
+    """Digits without the zeros that end them."""
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def scales() -> dict[str, dict[str, Plain]]:
+    """All scales by kind, unit and quantity, for the script of a page."""
+    lengths = {name: Units(ShownUnits(length=name)) for name in METRES}
+    angles = {name: Units(ShownUnits(angle=name)) for name in ANGLES}
+    return {
+        "lengths": {name: _told(of, ("length", "small_length")) for name, of in lengths.items()},
+        "angles": {name: _told(of, ("angle", "small_angle", "bearing")) for name, of in angles.items()},
+        "plain": {"": {name: _plain(scale) for name, scale in PLAIN.items()}},
+    }
+
+
+def _told(units: Units, names: Sequence[str]) -> Plain:
+    return {name: _plain(units.scale(name)) for name in names}
+
+
+def _plain(scale: Scale) -> Plain:
+    kind = {Sexagesimal: "sexagesimal", Significant: "significant"}.get(type(scale), "fixed")
+    return {"unit": scale.name, "factor": scale.factor, "decimals": scale.decimals, "kind": kind}

@@ -9,9 +9,7 @@ from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.records.adjustment import (
     AdjustmentRecord,
-    ConstraintRecord,
     GlobalTestRecord,
-    ObservationRecord,
     StatisticsRecord,
 )
 from obseq.report import units
@@ -217,32 +215,3 @@ def _told(row: StatisticsRecord) -> str:
     share = f"their residuals are {units.significant(row.sigma_factor, 3)} of what they announce"
     times = _rounded(_times(row))
     return f"the sigmas of {row.name} look {least}{times} times too {size} ({share}; {limits} is expected)"
-
-
-def worst_first(record: AdjustmentRecord) -> list[ObservationRecord]:
-    """The active observations that have a residual, the worst first.
-
-    By the standardised residual where reliability is known, else by the normalised one.
-    """
-    tested = [row for row in record.observations if row.active and row.normalised_residual is not None]
-    return sorted(tested, key=_standardised if record.reliability else _normalised)
-
-
-def worst_title(record: AdjustmentRecord) -> str:
-    """By what the worst come first."""
-    if record.reliability:
-        return "standardised residual (residual / its own a priori sigma)"
-    return "normalised residual (residual / sigma)"
-
-
-def _standardised(row: ObservationRecord) -> tuple[float, float]:
-    return -abs(row.standardised_residual or 0.0), _normalised(row)
-
-
-def _normalised(row: ObservationRecord) -> float:
-    return -abs(row.normalised_residual or 0.0)
-
-
-def worst_constraints_first(record: AdjustmentRecord) -> list[ConstraintRecord]:
-    """The known coordinates, the largest normalised residual in absolute value first."""
-    return sorted(record.constraints, key=lambda row: -abs(row.normalised_residual))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray
     from obseq.images.output.arrays import BlockArrays
     from obseq.images.output.block_record import BundleRecord, CameraRecord
-    from obseq.report.columns import Plain
+    from obseq.report.units import Plain
 
 MOST_ARROWS = 1500
 """Arrows of a frame; of more, the longest and evenly spread ones."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report.columns import Plain, choice, column, element, table
+from obseq.report.columns import choice, column, element, table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.images.output.block_record import BundleRecord
+    from obseq.report.units import Plain
 
 
 def instrument_tables(record: BundleRecord) -> list[Plain]:
@@ -110,8 +111,22 @@ def _rigid(record: BundleRecord) -> list[Plain | None]:
         *_parts([item.rotation for _, item in exposures], ("rot x", "rot y", "rot z"), "small_angle"),
     ]
     about = f"In the frame of {printable_line(record.rigid_blocks[0].master)}; radians."
-    made: list[Plain | None] = [table("rigid", "Rigid blocks", first, about=about)]
+    made: list[Plain | None] = [table("rigid", "Rigid blocks", first, about=about), _pairs(record)]
     return [*made, table("exposures", "Exposures", second)] if exposures else made
+
+
+def _pairs(record: BundleRecord) -> Plain | None:
+    """How far the cameras of rigid blocks are from their places, over all exposures."""
+    pairs = [(block.name, pair) for block in record.rigid_blocks for pair in block.pairs]
+    if not pairs:
+        return None
+    columns = [
+        choice("block", [name for name, _ in pairs]),
+        choice("cameras", [f"{pair.first}, {pair.second}" for _, pair in pairs]),
+        column("rms of places", "small_number", [pair.rms_translation for _, pair in pairs]),
+        column("rms of rotations", "small_angle", [pair.rms_rotation for _, pair in pairs]),
+    ]
+    return table("pairs", "Pairs of rigid blocks", columns, about="Over all exposures, per coordinate.")
 
 
 def _clinometers(record: BundleRecord) -> list[Plain | None]:

@@ -5,17 +5,30 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.images.output.page_instruments import instrument_tables
-from obseq.printable import printable_line
-from obseq.report.columns import Plain, all_small, choice, column, element, table
+from obseq.printable import listed, printable_line
+from obseq.report.columns import choice, column, element, table
+from obseq.report.page import printed
+from obseq.report.units import METRIC
+from obseq.report.writer import Writer
 
 if TYPE_CHECKING:
     from obseq.images.output.block_record import BundleRecord
+    from obseq.report.units import Plain
+
+MOST_NAMES = 4
+"""Names of what took no part, by kind and reason."""
 
 
 def tables(record: BundleRecord) -> list[Plain]:
     """Image points, points, images, parameters of cameras, instruments."""
     made = (_measures(record), _points(record), _images(record), _parameters(record))
-    return [*(item for item in made if item), *instrument_tables(record)]
+    return [item for item in (*made, *instrument_tables(record), _tests(record), _without(record)) if item]
+
+
+def writer(record: BundleRecord) -> Writer:
+    """What writes these tables as text: in metres, gon and pixels."""
+    names = [*(point.name for point in record.points), *(image.name for image in record.images)]
+    return Writer(printed(names), METRIC)
 
 
 def _measures(record: BundleRecord) -> Plain | None:
@@ -28,8 +41,8 @@ def _measures(record: BundleRecord) -> Plain | None:
         column("point", "point", found.point, key="to"),
         column("x", "coarse_pixel", found.x, paper=False),
         column("y", "coarse_pixel", found.y, paper=False),
-        column("dx", "pixel", all_small(found.dx), by_size=True),
-        column("dy", "pixel", all_small(found.dy), by_size=True),
+        column("dx", "pixel", found.dx, by_size=True),
+        column("dy", "pixel", found.dy, by_size=True),
     ]
     if tests is not None:
         every = tests.all
@@ -37,7 +50,7 @@ def _measures(record: BundleRecord) -> Plain | None:
             column(
                 "w",
                 "number",
-                all_small([_larger(*pair) for pair in zip(every.w_x, every.w_y, strict=True)]),
+                [_larger(*pair) for pair in zip(every.w_x, every.w_y, strict=True)],
                 by_size=True,
                 bar="w",
                 about="the larger of its two coordinates",
@@ -46,25 +59,23 @@ def _measures(record: BundleRecord) -> Plain | None:
             column(
                 "redundancy",
                 "number",
-                all_small([min(pair) for pair in zip(every.redundancy_x, every.redundancy_y, strict=True)]),
+                [min(pair) for pair in zip(every.redundancy_x, every.redundancy_y, strict=True)],
                 bar="redundancy",
                 about="the smaller of its two coordinates",
             ),
             column(
                 "detectable",
                 "pixel",
-                all_small(
-                    [_larger(*pair) for pair in zip(every.detectable_x, every.detectable_y, strict=True)]
-                ),
+                [_larger(*pair) for pair in zip(every.detectable_x, every.detectable_y, strict=True)],
                 about="smallest error that its test finds",
             ),
         ]
     columns += [
-        column("sx", "pixel", all_small(found.sx), rare=True),
-        column("sy", "pixel", all_small(found.sy), rare=True),
+        column("sx", "pixel", found.sx, rare=True),
+        column("sy", "pixel", found.sy, rare=True),
     ]
     if any(weight != 1.0 for weight in found.weight):
-        columns.append(column("weight", "number", all_small(found.weight), about="what robust weights leave"))
+        columns.append(column("weight", "number", found.weight, about="what robust weights leave"))
     about = "Residuals are computed minus measured, in pixels."
     chips = [] if tests is None else [[f"|w| > {tests.critical:.2f}", f"|w|>{tests.critical:.2f}"]]
     return table(
@@ -104,7 +115,7 @@ def _points(record: BundleRecord) -> Plain | None:
         column("rays", "count", [point.n_rays for point in found]),
         *(column(axis, "length", [getattr(point, axis) for point in found], **unit) for axis in "xyz"),
         *(element(f"s{axis}", "fine" if unit else size, spread, k) for k, axis in enumerate("xyz")),
-        column("rms", "pixel", all_small([point.rms for point in found]), about="per coordinate"),
+        column("rms", "pixel", [point.rms for point in found], about="per coordinate"),
         *(
             element(
                 f"d{axis}",
@@ -135,10 +146,10 @@ def _images(record: BundleRecord) -> Plain | None:
         column("image", "point", (len(record.points) + k for k in range(len(found)))),
         choice("camera", [image.camera for image in found]),
         column("points", "count", [image.n_measures for image in found]),
-        column("rms", "pixel", all_small([image.rms for image in found]), about="per coordinate"),
-        column("largest", "pixel", all_small([image.largest for image in found])),
-        column("mean dx", "pixel", all_small([image.mean_dx for image in found]), by_size=True),
-        column("mean dy", "pixel", all_small([image.mean_dy for image in found]), by_size=True),
+        column("rms", "pixel", [image.rms for image in found], about="per coordinate"),
+        column("largest", "pixel", [image.largest for image in found]),
+        column("mean dx", "pixel", [image.mean_dx for image in found], by_size=True),
+        column("mean dy", "pixel", [image.mean_dy for image in found], by_size=True),
         *(
             column(axis, "length", [image.centre[k] for image in found], **_length(record))
             for k, axis in enumerate("xyz")
@@ -170,7 +181,7 @@ def _parameters(record: BundleRecord) -> Plain:
     columns = [
         choice("camera", [camera.name for camera, _ in rows]),
         column("parameter", "text", [parameter.name for _, parameter in rows]),
-        column("value", "small_number", [parameter.value for _, parameter in rows], significant=10),
+        column("value", "value", [parameter.value for _, parameter in rows]),
         column("sigma", "small_number", [parameter.sigma or None for _, parameter in rows]),
         choice("state", states),
     ]
@@ -179,3 +190,45 @@ def _parameters(record: BundleRecord) -> Plain:
         for camera in record.cameras
     )
     return table("parameters", "Parameters of cameras", columns, about=printable_line(about))
+
+
+def _tests(record: BundleRecord) -> Plain | None:
+    """The largest tests of all kinds of observation."""
+    if record.suspicion is None or not record.suspicion.largest:
+        return None
+    found = record.suspicion.largest
+    columns = [
+        column("observation", "text", [printable_line(item.name) for item in found]),
+        column("w", "number", [item.w for item in found], by_size=True, bar="w"),
+        column("error", "small_number", [item.blunder for item in found], by_size=True),
+        choice("unit", [item.unit or "world units" for item in found]),
+        column("weight", "number", [item.weight for item in found]),
+    ]
+    spread = 1.0 if not record.suspicion.robust else max(record.suspicion.spread or 1.0, 1.0)
+    about = f"Of observations of all kinds; suspected above {record.suspicion.limit * spread:.2f}."
+    return table("tests", "Largest tests", columns, about=about)
+
+
+def _without(record: BundleRecord) -> Plain | None:
+    """What took no part, and why."""
+    parts = {
+        "left out": record.left_out,
+        "changes nothing": record.unmeasured,
+        "not in pairs": record.unpaired,
+    }
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for what, items in parts.items():
+        for item in items:
+            groups.setdefault((what, item.kind, item.reason), []).append(item.name)
+    if not groups:
+        return None
+    rows = sorted(groups.items(), key=lambda group: -len(group[1]))
+    columns = [
+        choice("what", [what for (what, _, _), _ in rows]),
+        choice("kind", [kind for (_, kind, _), _ in rows]),
+        column("which", "text", [printable_line(listed(names, MOST_NAMES)) for _, names in rows]),
+        choice("why", [reason for (_, _, reason), _ in rows]),
+        column("how many", "count", [len(names) for _, names in rows]),
+    ]
+    count = sum(len(names) for names in groups.values())
+    return table("without", f"Without part ({count})", columns)

@@ -7,22 +7,41 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.output.references_told import check_points, references
+from obseq.images.output.page_tables import tables, writer
+from obseq.images.output.references_told import check_points
 from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
-from obseq.images.output.text_tables import sigma_text, text_table
 from obseq.printable import printable
+from obseq.report.writer import ordered, worst
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-    from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord, CameraRecord
+    from obseq.images.output.block_record import BundleRecord, CameraRecord
     from obseq.images.output.suspicion import LargestTestsRecord
     from obseq.images.output.testing import BlockReliabilityRecord
     from obseq.records.diagnosis import DiagnosisRecord
 
 FIRST = 4
 """Names of a list before it is cut."""
+MOST = 12
+"""Rows of a table before it is cut."""
+STRONG = 0.95
+"""Correlation from which two parameters are one thing."""
+SHOWN: dict[str, tuple[tuple[str, ...], str | None]] = {
+    "parameters": (("camera", "parameter", "value", "sigma", "state"), None),
+    "images": (("image", "points", "rms", "largest", "x", "y", "z", "sx", "sy", "sz"), "rms"),
+    "points": (("point", "rays", "rms", "dx", "dy", "dz"), "rms"),
+    "check-points": ((), None),
+    "antennas": ((), None),
+    "shutters": ((), None),
+    "pairs": ((), None),
+    "clinometers": (("clinometer", "rms"), None),
+    "tests": ((), "w"),
+    "measures": (("from", "to", "dx", "dy", "w", "weight"), "w"),
+    "without": ((), None),
+}
+"""Tables of the summary: their columns (all where none are named), and by which the worst come first."""
 COMMON = 5.0
 """Times their sigmas from which most residuals have a cause in common."""
 
@@ -32,20 +51,12 @@ def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
     parts = [
         _line_of(suspected(record)),
         _verdict(record),
-        *(_camera(camera) for camera in record.cameras[:3]),
-        _images(record),
-        _points(record),
+        *_tables(record),
+        *(_camera(camera) for camera in record.cameras[:FIRST]),
         check_points(record),
-        references(record),
-        _instruments(record),
-        _list("Left out", record.left_out),
-        _list("Control points that change nothing", record.unmeasured),
-        _list("Not in pairs of their rigid blocks", record.unpaired),
         "".join(f"Warning: {failure}\n" for failure in record.failures),
         "".join(f"note: {note}\n" for note in record.notes),
         "".join(f"remark: {text}\n" for text in remarks(record)),
-        _tests(record.reliability),
-        _worst(record),
         "".join(f"written: {name}\n" for name in files),
     ]
     return printable("\n".join(part for part in parts if part))
@@ -196,31 +207,7 @@ def _reliability(found: BlockReliabilityRecord) -> str:
     )
 
 
-def _instruments(record: BundleRecord) -> str:
-    rows = [
-        (
-            f"{block.name}: {pair.first}, {pair.second}",
-            f"{pair.rms_translation:.4g}",
-            f"{pair.rms_rotation:.4g}",
-        )
-        for block in record.rigid_blocks
-        for pair in block.pairs
-    ]
-    rows += [(f"clinometer {item.name}", "", f"{item.rms:.4g}") for item in record.clinometers]
-    heads = ("instrument", "rms translation", "rms rotation rad")
-    return "Rigid blocks and clinometers\n" + text_table(heads, rows) if rows else ""
-
-
 def _camera(camera: CameraRecord) -> str:
-    rows = [
-        (parameter.name, f"{parameter.value:.8g}", sigma_text(parameter.sigma))
-        for parameter in camera.parameters
-    ]
-    title = f"Camera {camera.name} ({camera.n_measures} measures, rms {camera.rms:.4g} px)"
-    return title + "\n" + text_table(("parameter", "value", "sigma"), rows) + _high(camera)
-
-
-def _high(camera: CameraRecord) -> str:
     """Pairs of parameters that the block can hardly tell apart."""
     if camera.correlations is None:
         return ""
@@ -228,97 +215,27 @@ def _high(camera: CameraRecord) -> str:
     names = [parameter.name for parameter in camera.parameters]
     pairs = [
         f"{names[i]}-{names[j]} {camera.correlations[i][j]:+.3f}"
-        for i, j in np.argwhere(np.triu(matrix, 1) > 0.95)
+        for i, j in np.argwhere(np.triu(matrix, 1) > STRONG)
     ]
-    return f"  correlations above 0.95: {', '.join(pairs)}\n" if pairs else ""
+    return f"Correlations of {camera.name} above {STRONG}: {', '.join(pairs)}\n" if pairs else ""
 
 
-def _images(record: BundleRecord) -> str:
-    rows = [
-        (
-            image.name,
-            str(image.n_measures),
-            f"{image.rms:.4g}",
-            f"{image.largest:.4g}",
-            *(f"{value:.4f}" for value in image.centre),
-            sigma_text(None if image.centre_sigmas is None else max(image.centre_sigmas)),
-        )
-        for image in sorted(record.images, key=lambda image: -image.rms)
-    ]
-    return "Images, largest rms first\n" + text_table(
-        ("image", "points", "rms px", "max px", "x", "y", "z", "sigma"), rows
-    )
-
-
-def _points(record: BundleRecord) -> str:
-    control = [point for point in record.points if point.residual is not None]
-    if not control:
-        return ""
-    ordered = sorted(control, key=lambda point: -max(map(abs, point.residual or (0.0,))))
-    rows = [
-        (point.name, str(point.n_rays), f"{point.rms:.4g}", *map("{:+.5f}".format, point.residual or ()))
-        for point in ordered
-    ]
-    return "Control points, adjusted minus given, largest first\n" + text_table(
-        ("point", "rays", "rms px", "dx", "dy", "dz"), rows
-    )
-
-
-def by_reason(items: Sequence[BlockLeftOutRecord]) -> list[tuple[str, str, str, str]]:
-    """What took no part, a row for each kind and reason: kind, how many, the first names, the reason."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for item in items:
-        groups.setdefault((item.kind, item.reason), []).append(item.name)
-    return [
-        (kind, str(len(names)), first_of(names), reason)
-        for (kind, reason), names in sorted(groups.items(), key=lambda group: -len(group[1]))
-    ]
+def _tables(record: BundleRecord) -> Iterator[str]:
+    """The first rows of the tables that tell most."""
+    written = writer(record)
+    for table in tables(record):
+        if table["id"] not in SHOWN:
+            continue
+        keys, by = SHOWN[table["id"]]
+        rows = ordered(table) if by is None else worst(table, by)
+        if table["id"] == "points":
+            rows = [row for row in rows if record.points[row].residual]
+        if rows:
+            more = f"  ... and {len(rows) - MOST} more\n" if len(rows) > MOST else ""
+            yield "\n".join(written.lines(table, rows[:MOST], keys)) + "\n" + more
 
 
 def first_of(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
     more = len(names) - FIRST
     return ", ".join(names[:FIRST]) + (f" and {more} more" if more > 0 else "")
-
-
-def _list(title: str, items: Sequence[BlockLeftOutRecord]) -> str:
-    if not items:
-        return ""
-    return f"{title} ({len(items)})\n" + text_table(("what", "how many", "which", "why"), by_reason(items))
-
-
-def _tests(found: BlockReliabilityRecord | None) -> str:
-    """The largest tests of all kinds of observation, and all suspects that are listed."""
-    if found is None or found.suspicion is None or not found.suspicion.largest:
-        return ""
-    tests = found.suspicion
-    shown = tests.largest[: max(5, len(tests.suspects))]
-    rows = [
-        (
-            row.name,
-            f"{row.w:+.2f}",
-            "" if row.blunder is None else f"{row.blunder:+.3g} {row.unit}".rstrip(),
-            f"{row.weight:.2g}",
-        )
-        for row in shown
-    ]
-    return f"Largest standardised residuals of all observations ({_limit(tests)})\n" + text_table(
-        ("what", "w", "error", "weight"), rows
-    )
-
-
-def _limit(tests: LargestTestsRecord) -> str:
-    """From where on something is suspected."""
-    spread = 1.0 if tests.spread is None or not tests.robust else max(tests.spread, 1.0)
-    by = f", {tests.limit:.2f} times their spread" if spread > 1.0 else ""
-    return f"suspected above {tests.limit * spread:.2f}{by}"
-
-
-def _worst(record: BundleRecord) -> str:
-    rows = [
-        (item.image, item.point, f"{item.dx:+.3f}", f"{item.dy:+.3f}", f"{item.weight:.2f}")
-        for item in record.worst[:5]
-    ]
-    return "Largest residuals, by their sigmas\n" + text_table(
-        ("image", "point", "dx px", "dy px", "weight"), rows
-    )

@@ -10,14 +10,19 @@ import numpy as np
 from obseq import crs
 from obseq.errors import InputError
 from obseq.images.aerial.rpc import rpc_through
-from obseq.images.output.text_tables import text_table
 from obseq.images.satellite.block import GEOGRAPHIC
 from obseq.kernels import calculator
 from obseq.reading.tables import table_text
+from obseq.report.columns import choice, column, table
+from obseq.report.units import METRIC
+from obseq.report.writer import Writer
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from obseq.images.aerial.rpc import Rpc
     from obseq.images.satellite.block import SatelliteSolution
+    from obseq.report.columns import Table
 
 LAYERS, CELLS = 5, 15
 """Heights, and cells of the ground a side, of the grid on which a corrected image is fitted."""
@@ -41,30 +46,43 @@ def summary(solution: SatelliteSolution) -> str:
     ]
     if solution.left_out:
         lines.append(f"  left out, one ray each: {', '.join(solution.left_out[:10])}")
-    terms = calculator(f"Dist_Polyn2D_Degree_{block.degree}_EqDist").observations
-    rows = [
-        (image, term, f"{value:.6g}", f"{sigma:.3g}")
-        for image, (values, sigmas) in solution.corrections().items()
-        for term, value, sigma in zip(terms, values.tolist(), sigmas.tolist(), strict=True)
+    written = Writer([], METRIC)
+    tables = [_corrections(solution), *_checked(solution)]
+    return "\n".join(lines) + "\n\n" + "\n\n".join("\n".join(written.lines(one)) for one in tables) + "\n"
+
+
+def _corrections(solution: SatelliteSolution) -> Table:
+    """Terms of the corrections of images."""
+    rows = list(_terms(solution))
+    columns = [
+        choice("image", [image for image, *_ in rows]),
+        choice("term", [term for _, term, *_ in rows]),
+        column("value", "value", [value for *_, value, _ in rows]),
+        column("sigma", "small_number", [sigma for *_, sigma in rows]),
     ]
-    heads = ("image", "term", "value", "sigma")
-    title = "\n\nCorrections, pixels from the offsets of the image\n"
-    return "\n".join(lines) + title + text_table(heads, rows) + _checked(solution)
+    return table("corrections", "Corrections", columns, about="Pixels from the offsets of the image.")
 
 
-def _checked(solution: SatelliteSolution) -> str:
+def _terms(solution: SatelliteSolution) -> Iterator[tuple[str, str, float, float]]:
+    """Image, name, value and sigma of each."""
+    terms = calculator(f"Dist_Polyn2D_Degree_{solution.block.degree}_EqDist").observations
+    for image, (values, sigmas) in solution.corrections().items():
+        for term, value, sigma in zip(terms, values.tolist(), sigmas.tolist(), strict=True):
+            yield image, term, value, sigma
+
+
+def _checked(solution: SatelliteSolution) -> Iterator[Table]:
+    """Check points."""
     names, differences, covariances = solution.check()
     if not names:
-        return ""
+        return
     sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     within = int(np.count_nonzero(np.abs(differences) <= 1.96 * sigmas))
-    rms = np.sqrt(np.mean(differences**2, axis=0))
-    rows = [("rms", *map("{:.3f}".format, rms))]
-    rows += [
-        (name, *map("{:+.3f}".format, row)) for name, row in zip(names, differences.tolist(), strict=True)
-    ]
-    title = f"\nCheck points, adjusted minus given; {within} of {differences.size} within 1.96 sigmas\n"
-    return title + text_table(("point", "east", "north", "up"), rows)
+    rms = ", ".join(f"{value:.3f}" for value in np.sqrt(np.mean(differences**2, axis=0)))
+    axes = zip(("east", "north", "up"), differences.T.tolist(), strict=True)
+    columns = [choice("point", names), *(column(axis, "length", values) for axis, values in axes)]
+    about = f"Adjusted minus given; rms {rms}; {within} of {differences.size} within 1.96 sigmas."
+    yield table("check-points", "Check points", columns, about=about)
 
 
 def point_table(solution: SatelliteSolution) -> str:
@@ -78,13 +96,7 @@ def point_table(solution: SatelliteSolution) -> str:
 
 def correction_table(solution: SatelliteSolution) -> str:
     """Coefficients of the corrections, with their sigmas."""
-    terms = calculator(f"Dist_Polyn2D_Degree_{solution.block.degree}_EqDist").observations
-    rows = [
-        (image, term, value, sigma)
-        for image, (values, sigmas) in solution.corrections().items()
-        for term, value, sigma in zip(terms, values.tolist(), sigmas.tolist(), strict=True)
-    ]
-    return table_text(("image", "term", "value", "sigma"), rows)
+    return table_text(("image", "term", "value", "sigma"), list(_terms(solution)))
 
 
 def corrected_rpc(solution: SatelliteSolution, image: str) -> Rpc:

@@ -302,7 +302,7 @@ class Page {
     }
     if (!place || this.plan.content.scheme) byId("where").textContent = "";
     else {
-      const unit = QUANTITIES.length();
+      const unit = quantity("length");
       const axes = this.plan.content.axes ?? ["x", "y"];
       byId("where").textContent = this.plan.at(...place).map((value, k) => `${axes[k]} ${grouped(fixed(value * unit.factor, 2))}`).join("  ");
     }
@@ -412,6 +412,7 @@ let page;
     for (const column of table.columns) column.values = await unpacked(column.values);
     for (const name of ["angular", "unused"]) if (table[name]) table[name] = await unpacked(table[name]);
   }
+  scales = content.scales;
   page = new Page(content);
   document.documentElement.dataset.ready = "yes";
 })();

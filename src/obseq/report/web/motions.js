@@ -24,12 +24,13 @@ class Motions {
   draw(plan, sheet) {
     const room = plan.isCrowded ? new Room(3) : null;
     const free = new Map();
+    const [cos, sin] = plan.content.turn ?? [1, 0];
     const hasRoom = ([, x, y]) => !room || room.take(x - FARTHEST, y - FARTHEST, 2 * FARTHEST, 2 * FARTHEST);
     for (const place of plan.inside) if (hasRoom(place)) free.set(place[0], place);
     for (const k of this.shown) {
       const path = sheet.path();
       for (const { motion, point, move } of this.moves) {
-        if (motion === k && free.has(point)) loose(path, ...free.get(point).slice(1), move);
+        if (motion === k && free.has(point)) loose(path, ...free.get(point).slice(1), [cos * move[0] - sin * move[1], sin * move[0] + cos * move[1], move[2]]);
       }
       sheet.stroke(path, TYPE_COLOURS[k % TYPE_COLOURS.length], 1.8);
     }

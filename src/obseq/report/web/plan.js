@@ -130,7 +130,7 @@ class Plan {
   /** Coordinates at round numbers. */
   drawGrid(sheet) {
     const step = roundAbove(110 / this.scale);
-    const unit = QUANTITIES.length();
+    const unit = quantity("length");
     const decimals = Math.max(0, -Math.floor(Math.log10(step * unit.factor) + 1e-9));
     const [path, ink] = [sheet.path(), colour("mu")];
     const [[left, top], [right, bottom]] = [this.at(0, 0), this.at(this.width, this.height)];
@@ -357,8 +357,8 @@ class Plan {
   }
 
   bars() {
-    const bar = (quantity, pixels, scale, style, words) => {
-      const unit = QUANTITIES[quantity]();
+    const bar = (of, pixels, scale, style, words) => {
+      const unit = quantity(of);
       const rounded = roundBelow(pixels / scale * unit.factor);
       return [rounded / unit.factor, scale, style, `${significant(rounded)} ${unit.unit} ${words}`.trim()];
     };

@@ -125,11 +125,12 @@ class Table {
       return rows.sort((a, b) => sign * collator.compare(texts.get(a), texts.get(b)) || a - b);
     }
     const key = new Float64Array(this.size);
+    const off = (row) => this.content.unused?.[row] ?? 0;
     for (const row of rows) {
       const value = column.values[row];
       key[row] = value === null ? NaN : column.by_size ? Math.abs(value) : value;
     }
-    const numbers = rows.filter((row) => !Number.isNaN(key[row])).sort((a, b) => sign * (key[a] - key[b]) || a - b);
+    const numbers = rows.filter((row) => !Number.isNaN(key[row])).sort((a, b) => off(a) - off(b) || sign * (key[a] - key[b]) || a - b);
     return numbers.concat(rows.filter((row) => Number.isNaN(key[row])));
   }
 
@@ -225,14 +226,22 @@ class Table {
     this.draw(true);
   }
 
-  /** The rows that are shown, all columns, as text of a file. */
+  /** The rows that are shown, all columns, as text of a file; a column of units where rows differ. */
   csv() {
-    const safe = (text) => (/^[=+@\t\r]|^-(?![\d.])/.test(text) ? `'${text}` : text);
-    const quoted = (value) => `"${safe(String(value)).replaceAll('"', '""')}"`;
-    const columns = this.content.columns;
-    const titles = columns.map((column) => quoted(titleUnit(column) ? `${column.title} (${titleUnit(column)})` : column.title));
-    const lines = this.rows.map((row) => columns.map((column) => quoted(this.text(column, row))).join(","));
-    return `${[titles.join(","), ...lines].join("\n")}\n`;
+    const isFormula = (text) => /^['\s]*[=+@-]/.test(text) && Number.isNaN(Number(text));
+    const safe = (text) => (isFormula(text) ? `'${text}` : text);
+    const quoted = (text) => (/[",\n\r]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+    const told = new Set();
+    const columns = this.content.columns.flatMap((column) => {
+      const [unit, mixed] = [titleUnit(column), MIXED[column.quantity]];
+      const number = (row) => String(this.text(column, row)).replace(mixed ? / .*/ : "", "");
+      const made = [[unit ? `${column.title} (${unit})` : column.title, (row) => (column.values[row] === null ? "" : number(row))]];
+      if (mixed && !told.has(column.quantity)) made.push([`unit of ${column.title}`, (row) => scaleOf(column, this.isAngular(row)).unit]);
+      told.add(column.quantity);
+      return made;
+    });
+    const line = (texts) => texts.map((text) => quoted(safe(text))).join(",");
+    return `${[line(columns.map(([title]) => title)), ...this.rows.map((row) => line(columns.map(([, text]) => text(row))))].join("\n")}\n`;
   }
 }
 

@@ -104,7 +104,8 @@ def _refraction(frame: Frame, book: FieldBook, coordinates: FloatArray) -> Itera
 def _observed(book: FieldBook) -> IntArray:
     """Rows of the points that active observations name."""
     found = book.observations
-    return np.union1d(found.from_points[found.active], found.to_points[found.active])
+    both = np.concatenate([found.from_points[found.active], found.to_points[found.active]])
+    return np.bincount(both).nonzero()[0]
 
 
 def _plane(coordinates: FloatArray) -> Iterator[str]:

@@ -11,6 +11,7 @@ from obseq.leastsquares.diagnosis.free_motions import find_motions
 from obseq.leastsquares.diagnosis.singular import grouped
 from obseq.records.adjustment import MotionRecord
 from obseq.survey.equations.instruments import station_names
+from obseq.survey.equations.loose_motions import UNDETERMINED
 from obseq.survey.initial.unplaced import ISOLATED, Unplaced
 from obseq.survey.kinds.registry import IS_ANGLE, among, codes_where
 
@@ -28,8 +29,6 @@ DECIMALS = 4
 """Of moves, whose largest is 1."""
 LEAST = 1e-3
 """Share of the largest direction from which a point is said to move along another."""
-LARGEST = 0.01
-"""Standard deviation of a scale that nothing determines: by the curvature of the Earth, 0.2 over 300 m."""
 SINGULAR = "its observations do not determine it (the system is singular)"
 ELSEWHERE = "observe it from other directions"
 TILT = "rotation about x"
@@ -218,7 +217,7 @@ def check_scales(
     scales = equations.shared.scales()
     sigmas = solution.precisions(list(scales.values()), a_priori=True)[:, 0].tolist()
     named = zip(scales, sigmas, strict=True)
-    if loose := [f"{name} (+- {sigma:.0%})" for name, sigma in named if sigma > LARGEST]:
+    if loose := [f"{name} (+- {sigma:.0%})" for name, sigma in named if sigma > UNDETERMINED]:
         raise _unscaled(loose)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from random import Random
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -103,7 +104,7 @@ class Catalogue:
         """All others: columns of their own, or those of their rows."""
         self._n_alone = len(self.rows) + len(self.known)
         families, start, seen = [], self._n_alone, set[tuple[str, int]]()
-        marks = np.random.default_rng(0).integers(1 << 62, size=len(self._active), dtype=np.uint64)
+        marks = np.frombuffer(Random(0).randbytes(8 * len(self._active)), dtype=np.uint64)
         for cause in CAUSES:
             for groups in cause.where(self.notes, self._active):
                 groups = _not_seen(groups, marks, cause, seen)

@@ -38,8 +38,6 @@ _LONG = 4
 """Letters from which one wrong letter makes names alike where nothing but names is compared."""
 _MOST = 20
 """Left out points of which it is asked what they may be, unused points that are named."""
-_TREE = 500
-"""Points from which pairs are looked for in a tree."""
 
 
 def are_alike(a: str, b: str) -> bool:
@@ -173,14 +171,21 @@ def _precisions(adjusted: AdjustedPoints) -> FloatArray:
 
 
 def _pairs_within(places: FloatArray, radius: float) -> IntArray:
-    """(k, 2) pairs of points no farther apart, in order; for few points SciPy's tree takes longer to load."""
-    if len(places) > _TREE:
-        from scipy.spatial import cKDTree
-
-        pairs = cKDTree(places).query_pairs(radius, output_type="ndarray")
-        return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
-    squares = np.square(places[:, None] - places[None]).sum(axis=2)
-    return np.argwhere(np.triu(squares <= radius**2, 1))
+    """(k, 2) pairs of points no farther apart, in order: neighbours along the longest axis, step by step."""
+    axis = int(np.ptp(places, axis=0).argmax()) if len(places) else 0
+    order = places[:, axis].argsort(kind="stable")
+    along, first, step = places[order], np.arange(len(places) - 1), 1
+    found = [np.zeros((2, 0), dtype=np.int64)]
+    while len(first):
+        apart = along[first + step] - along[first]
+        near = apart[:, axis] <= radius
+        first, apart = first[near], apart[near]
+        close = first[np.square(apart).sum(axis=1) <= radius**2]
+        found.append(order[np.array([close, close + step])])
+        step += 1
+        first = first[: np.searchsorted(first, len(places) - step)]
+    pairs = np.sort(np.concatenate(found, axis=1), axis=0)
+    return np.asarray(pairs[:, np.lexsort(pairs[::-1])].T)
 
 
 def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterator[str]:
