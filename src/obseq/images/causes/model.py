@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.cached import cached_property
-from obseq.diagnosis.linear import diagonal, linearised
+from obseq.diagnosis.linear import linearised, with_priors
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
@@ -18,7 +17,6 @@ from obseq.images.causes.evidence import Evidence
 from obseq.images.causes.held_parameter import HELD_PARAMETER
 from obseq.images.initial.rough import ROUGH
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
-from obseq.leastsquares.statistics.final_state import final_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.protocol import Change, Slip
+    from obseq.images.adjustment.equations import MeasureBatch
     from obseq.images.adjustment.start import Start
     from obseq.images.causes.numbering import Numbering
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
@@ -176,10 +175,13 @@ class BlockModel:
         """(m,) how far image points are from where they should be, in sigmas."""
         self._table.restore(place.state)
         found = [
-            np.linalg.norm(self._system.residuals(item.batch) / item.batch.sigmas, axis=1)
+            np.linalg.norm(self._system.residuals(item.batch) / self._sigmas_of(item), axis=1)
             for item in self.numbering.equations.measures
         ]
         return np.asarray(np.nan_to_num(np.concatenate(found), nan=np.inf))
+
+    def _sigmas_of(self, item: MeasureBatch) -> FloatArray:
+        return self.numbering.equations.start.sets[item.part].given.measures.sigmas[item.rows]
 
     def _off(self, place: Place) -> float:
         """The middle one of them."""
@@ -209,36 +211,14 @@ class BlockModel:
         if result is None or applied or not is_there or not result.has_covariances:
             self._hold(applied)
             result = self._solve(max_iterations=0, covariance=True)
-        linear = self._with_priors(linearised(self._system, result, self.numbering.batches), result)
+        linear = linearised(self._system, result, self.numbering.batches)
+        linear = with_priors(linear, self._system, result, self.numbering.priors)
         columns = self.catalogue.columns(linear)
         off = self._given_coordinates() - self._held_coordinates()
         if off.any():
             first = self.numbering.n + len(self.numbering.parameters)
             linear.residuals[:] += columns.effect(first + np.arange(len(off)), off)
         return linear, columns
-
-    def _with_priors(self, linear: Linear, result: LeastSquaresResult) -> Linear:
-        """The same with the equations of observed unknowns after those of the batches."""
-        from scipy.sparse import block_diag, coo_array, csr_array, vstack
-
-        priors = self.numbering.priors
-        if not priors:
-            return linear
-        state = final_state(self._system, result)
-        weights = np.concatenate([prior.weights for prior in priors])
-        columns = state.equations.free.number[np.concatenate([prior.scalars for prior in priors])]
-        free = np.flatnonzero(columns >= 0)
-        entries = weights[free], (free, columns[free])
-        off = np.concatenate([result.prior_residuals(prior) for prior in priors])
-        own = [diagonal(state.prior_leverages(prior)) for prior in priors]
-        rows = coo_array(entries, shape=(len(weights), linear.rows.shape[1]))
-        return replace(
-            linear,
-            residuals=np.append(linear.residuals, weights * off),
-            rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
-            whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
-            taken=csr_array(block_diag([linear.taken, *own], format="csr")),
-        )
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
         """Where least squares without some errors lead from a place."""
