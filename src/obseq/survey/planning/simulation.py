@@ -1,4 +1,4 @@
-"""Observations as they would be, at coordinates that count as true; and adjustments of such draws, as a check."""
+"""Observations as they would be, at coordinates that count as true; adjustments of such draws, as a check."""
 
 from __future__ import annotations
 
