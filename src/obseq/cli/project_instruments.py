@@ -83,9 +83,9 @@ def _edit(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, File
     data = read_tree(given) if given.is_file() and not arguments.from_scratch else empty_block()
     if arguments.cameras:
         images, stamp, used = [*arguments.cameras, *arguments.cameras[-1:] * 2][:3]
-        rules = tree.rules(arguments.metadata)
-        names = [rules.calibration_name(image) for image in tree.images(images)]
-        data = with_cameras(data, names, stamp, used)
+        rules, known = tree.rules(arguments.metadata), tree.calibrations()
+        names = [rules.calibration_names(image) for image in tree.images(images)]
+        data = with_cameras(data, [old if old in known else new for new, old in names], stamp, used)
     if arguments.readings:
         data = with_clinometers(
             data, read_clinometer_readings(tree.folder("MeasureClino", arguments.readings))
