@@ -331,3 +331,9 @@ def test_checked_coordinates_beyond_a_right_angle_are_diagnosed(job):
     assert record.n_unknowns == 2
     assert record.failures == ()
     assert record.diagnosis.accused
+
+
+def test_a_plan_in_which_nothing_is_unknown_gains_nothing(job, tmp_path, monkeypatch, capsys):
+    job(*QUIET, "fix all", "mode 3d network_analysis")
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", "net.snp"]) in (0, 1), capsys.readouterr().err
