@@ -9,14 +9,13 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.diagnosis.linear import linearised, with_priors
-from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.policy import LOSSES, NO_WEIGHT, POLICY
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
 from obseq.images.causes.catalogue import Catalogue
 from obseq.images.causes.evidence import Evidence
 from obseq.images.causes.held_parameter import HELD_PARAMETER
 from obseq.images.initial.rough import ROUGH
-from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -30,18 +29,13 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.start import Start
     from obseq.images.causes.numbering import Numbering
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
+    from obseq.leastsquares.problem.losses import GemanMcClure, Huber
     from obseq.leastsquares.problem.unknowns import State
 
-STAGES = ((Huber(1.5), 25), (GemanMcClure(8.0), 8), (GemanMcClure(4.0), 8))
-"""Losses of the robust start, and the most iterations with each."""
-ROUNDS = 5
-"""The most with each where they begin at a solution: all of them cost as much as one adjustment."""
+STAGES, ROUNDS = (25, 8, 8), 5
+"""The most iterations with each loss of the robust start; where it begins at a solution, with each."""
 NEAR, ITERATIONS, TOLERANCE = 0.05, 20, 1e-4
 """Standard deviations by which unknowns may still move: after a stage, and after an adjustment."""
-NO_WEIGHT = 1e6
-"""Times its sigma, an observed unknown has no influence."""
-FITTING = 6.0
-"""Sigmas: where most image points are farther off, poses did not start near their places."""
 DAMPED, UNDAMPED = "levenberg-marquardt", "gauss-newton"
 
 
@@ -74,14 +68,15 @@ class BlockModel:
             before: is called before each iteration.
             other_starts: find other poses in turn, where those given are no start.
         """
-        self.numbering, self._result, self._before = numbering, result, before
-        self._other_starts = other_starts
+        self.numbering, self._result = numbering, result
+        self._before, self._other_starts = before, other_starts
         self.catalogue = Catalogue(numbering)
         self._system = numbering.equations.system
         self._table = self._system.unknowns
         self._actives = [batch.active.copy() for batch in numbering.batches]
         self._sigmas = [prior.sigmas.copy() for prior in numbering.priors]
         self._losses = [batch.loss for batch in numbering.batches]
+        self._weights = [batch.weights.copy() for batch in numbering.batches]
         self._state, self._frozen = self._table.state(), self._table.frozen.copy()
         self._given: Place | None = None
         self._evidence: tuple[Place, Evidence] | None = None
@@ -90,8 +85,8 @@ class BlockModel:
     def borrowed(self) -> Iterator[None]:
         """Without losses as long as it lasts; all is as it was afterwards."""
         given = self._actives, self._frozen
+        self._lose(None)
         try:
-            self._lose(None)
             yield
         finally:
             for batch, loss in zip(self.numbering.batches, self._losses, strict=True):
@@ -99,6 +94,8 @@ class BlockModel:
             self._actives, self._frozen = given
             self._put_back()
             self._table.restore(self._state)
+            for batch, weights in zip(self.numbering.batches, self._weights, strict=True):
+                batch.weights[:] = weights
 
     @property
     def hypotheses(self) -> Hypotheses:
@@ -110,12 +107,14 @@ class BlockModel:
         """Whether the adjustment as given had no losses."""
         return all(loss is None for loss in self._losses)
 
+    @property
+    def _ended(self) -> Place | None:
+        return Place(self._result.state) if self._result and self._result.converged else None
+
     @cached_property
     def _solution(self) -> Place | None:
-        if self._result is None or not self._result.converged:
-            return None
-        place = self._given = Place(self._result.state)
-        return place if self._is_plain else self.adjusted(place, ())[0]
+        self._given = self._ended if self._is_plain else None
+        return self._given
 
     def solution(self) -> Place | None:
         """Where the adjustment as given ended; None where it did not converge."""
@@ -125,12 +124,15 @@ class BlockModel:
         """Where iterations with redescending losses lead: from the start, or from poses of the measures.
 
         In a large block a few errors do not carry least squares away: there they begin where these ended.
+        Where the adjustment had robust weights, that is where it ended.
         """
-        if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < FITTING:
+        if not self._is_plain and not without and self._ended:
+            return self._ended
+        if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < POLICY.suspect:
             return self._robustly(self._solution, without)
         found = self._robustly(self.numbering.equations.start, without)
         for other_start in self._other_starts:
-            if self._off(found) < FITTING:
+            if self._off(found) < POLICY.suspect:
                 break
             start = other_start()
             other = found if start is None else self._robustly(start, without)
@@ -146,10 +148,9 @@ class BlockModel:
             try:
                 if not isinstance(start, Place) and start.misfit > ROUGH:
                     approach(self.numbering.equations, DAMPED, {"max_iterations": ITERATIONS})
-                is_near = isinstance(start, Place)
-                for loss, count in STAGES:
+                for loss, count in zip(LOSSES, STAGES, strict=True):
                     self._lose(loss)
-                    rounds, strategy = (ROUNDS, UNDAMPED) if is_near else (count, DAMPED)
+                    rounds, strategy = (ROUNDS, UNDAMPED) if isinstance(start, Place) else (count, DAMPED)
                     self._solve(max_iterations=rounds, tolerance=NEAR, strategy=strategy)
             except ObseqError:
                 pass  # what has been found so far is what there is
@@ -184,7 +185,6 @@ class BlockModel:
         return self.numbering.equations.start.sets[item.part].given.measures.sigmas[item.rows]
 
     def _off(self, place: Place) -> float:
-        """The middle one of them."""
         return float(np.median(self.off(place)[self.numbering.kept]))
 
     def leave_out(self, images: IntArray, place: Place) -> None:
