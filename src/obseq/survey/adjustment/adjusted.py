@@ -21,7 +21,7 @@ from obseq.records.adjustment import (
     defined,
 )
 from obseq.records.shown_units import METRIC, ShownUnits
-from obseq.survey.adjustment.adjusted_quality import covariance_of, ellipse_records
+from obseq.survey.adjustment.adjusted_quality import ellipse_records
 from obseq.survey.adjustment.adjusted_records import (
     Fit,
     by_setup,

@@ -10,8 +10,7 @@ import numpy as np
 from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.records.table import table_of
-from obseq.survey.adjustment.adjusted_quality import ellipse_records
-from obseq.survey.adjustment.point_covariances import covariance_of
+from obseq.survey.adjustment.adjusted_quality import covariance_of, ellipse_records
 
 if TYPE_CHECKING:
     from pathlib import Path
