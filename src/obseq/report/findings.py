@@ -67,7 +67,8 @@ def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
     text = item.text[:1].upper() + item.text[1:]
     if item.others:
-        text += f" Not told apart from: {listed([other.what for other in item.others], MOST_NAMES)}."
+        others = listed([other.what for other in item.others], MOST_NAMES)
+        text = f"{text.rstrip('.')}. Not told apart from: {others}."
     return Finding(
         "bad",
         sight(one) if one else name(item.what),
