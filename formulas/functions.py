@@ -157,7 +157,7 @@ def angle_ratio(s: Scalar, z: Scalar) -> Scalar:
     """atan2(r, z)/r for r = sqrt(s): the angle from the z axis over the distance to it.
 
     Smooth on the axis for z > 0, where it is 1/z; not a number on the backward axis (s = 0, z <= 0). MMVII's
-    AtanXsY_sX takes 1/z in the whole cone r <= 1e-4 |z|, backwards too; here the backward cone is exact.
+    AtanXsY_sX takes 1/z in the whole cone r <= `1e-4 |z|`, backwards too; here the backward cone is exact.
     """
     if _is_symbolic(s, z):
         return AngleRatio(s, z)

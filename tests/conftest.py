@@ -14,7 +14,6 @@ from pathlib import Path
 os.environ.setdefault("HYPOTHESIS_NO_PLUGINS", "1")  # whose import takes as long again
 
 import pytest
-from _pytest.runner import runtestprotocol
 
 sys.path.append(str(Path(__file__).parent))  # the files that tests of several folders share
 
@@ -23,7 +22,6 @@ from sources import forget
 from unchanged import Seen
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker for each processor: more threads wait, busily
-os.fsync = lambda _: None  # what tests write need not survive a power failure; each wait is milliseconds
 gc.set_threshold(20_000, 20, 20)
 gc.disable()  # until all tests are known: what is loaded stays
 
@@ -87,23 +85,6 @@ def is_worker(config: pytest.Config) -> bool:
 def pytest_sessionfinish() -> None:
     """What tests have left open is looked for when they have ended, among little else."""
     forget()
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """A worker says of a test that passes that it has passed, not that it was set up and has ended.
-
-    Most of what thousands of tests send, which is read only where times or a file of results are asked for.
-    """
-    asked = ("durations", "xmlpath", "maxfail")
-    if not is_worker(item.config) or any(map(item.config.getoption, asked)):
-        return None
-    reports = runtestprotocol(item, log=False, nextitem=nextitem)
-    passed = all(report.passed for report in reports)
-    for report in reports:
-        if report.when == "call" or not passed:
-            item.ihook.pytest_runtest_logreport(report=report)
-    return True
 
 
 @pytest.fixture(scope="package")

@@ -127,3 +127,21 @@ def test_slots_are_those_of_the_standard_library() -> None:
 def test_a_class_without_words_is_called_by_its_name() -> None:
     """The standard library works out a signature instead, for which a start needs 4 ms."""
     assert (Identity.__doc__, Place.__doc__) == ("Identity", "A point with a name.")
+
+
+@dataclass(frozen=True)
+class Named(Place):
+    """Fields that are given by name only come after those of the classes below."""
+
+    height: float = field(default=0.0, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Station(Named):
+    instrument: str = "T2"
+
+
+def test_fields_by_name_only_come_last() -> None:
+    assert list(inspect.signature(Station).parameters) == ["name", "x", "tags", "instrument", "height"]
+    station = Station("A", 1.0, ["old"], "T16", height=1.5)
+    assert (station.instrument, station.height) == ("T16", 1.5)

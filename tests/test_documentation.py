@@ -31,7 +31,8 @@ WITH_EXAMPLES = [
     ROOT / "docs" / "equation-families.md",
     ROOT / "docs" / "survey-files.md",
 ]
-OF_ROOMS = {"coordinate-systems.md", "extend.md", "targets.md", "write-a-formula.md"}
+EXTENDING = {page.name for page in (ROOT / "docs" / "extend").glob("*.md")} - {"README.md"}
+OF_ROOMS = {"coordinate-systems.md", "targets.md", "write-a-formula.md"} | EXTENDING
 """Pages whose examples are run by the tests of their rooms."""
 DEMO = ROOT / "src" / "obseq" / "survey" / "data"
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)

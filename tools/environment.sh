@@ -1,6 +1,6 @@
 # Sourced by tools/quickstart, tools/test and .ci/run: prepare LEVEL makes or completes the virtual environment.
 #
-# LEVEL is a file of requirements/: run, test or dev. The environment is .venv, or the folder OBSEQ_VENV names;
+# LEVEL is a file of requirements/: run, test, dev or site. The environment is .venv, or the folder OBSEQ_VENV names;
 # it is made with the Python that PYTHON names, or with the first suitable one found.
 # A second call finds the stamp of the first and does nothing.
 
@@ -50,7 +50,7 @@ stamped() {
     read -r level print <"$venv/obseq-stamp" || return 1
     [ "$print" = "$(fingerprint)" ] || return 1
     case "$1:$level" in
-        run:* | test:test | test:dev | dev:dev) ;;
+        run:* | test:test | test:dev | test:site | dev:dev | dev:site | site:site) ;;
         *) return 1 ;;
     esac
 }

@@ -20,7 +20,7 @@ from typing import Any
 from packaging.markers import Marker
 
 ROOT = Path(__file__).resolve().parents[1]
-LEVELS = {"run": "install and run", "test": "test", "dev": "lint and type-check"}
+LEVELS = {"run": "install and run", "test": "test", "dev": "lint and type-check", "site": "make the site of"}
 PYTHONS = ("3.11", "3.12", "3.13")
 PLATFORMS = {
     "linux x86_64": (

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from obseq.images.aerial import (
-    FrameCamera,
     Geoid,
     HeightType,
     MapSystem,
@@ -31,10 +30,7 @@ SHOWN = 400
 
 def aerial(folder: Path) -> str:
     """Shots of a strip, the points they see, and the error ellipses of those points."""
-    cameras: dict[str, FrameCamera] = {}
-    for name in ("Camera1.txt", "Camera2.txt"):
-        camera = read_camera(folder / name)
-        cameras[camera.name] = camera
+    cameras = {camera.name: camera for camera in map(read_camera, sorted(folder.glob("Camera?.txt")))}
     shots, _ = read_shots(folder / "23FD1305_alt_2.OPK", interval=(2, None))
     site = Worksite(shots, cameras, MapSystem(2154), Geoid(folder / "fr_ign_RAF20.tif"))
     site = site.with_nadir(read_terrain(folder / "dtm_synth_height.asc", HeightType.HEIGHT))

@@ -51,7 +51,7 @@ def _defined(cls: type, frozen: bool, eq: bool) -> type:
 
 def _filling(cls: type) -> Callable[..., None]:
     """The method that takes the values of the fields."""
-    fields = dataclasses.fields(cls)
+    fields = _in_order(cls)
     names = tuple(field.name for field in fields if field.init)
     known, count, has_more = frozenset(names), len(names), hasattr(cls, "__post_init__")
     is_plain = len(names) == len(fields)
@@ -143,6 +143,11 @@ def _shown(self: Value) -> str:
     return f"{type(self).__qualname__}({', '.join(parts)})"
 
 
+def _in_order(cls: type) -> tuple[dataclasses.Field[Value], ...]:
+    """The fields as they are given: those by name only come last."""
+    return tuple(sorted(dataclasses.fields(cls), key=lambda field: field.kw_only is True))
+
+
 def _comparing(cls: type, frozen: bool) -> dict[str, Value]:
     """Equality of those of the same class; a hash where they do not change."""
     names = [field.name for field in dataclasses.fields(cls) if field.compare]
@@ -182,7 +187,7 @@ class _Signature:
     def __get__(self, instance: object, cls: type) -> Signature:
         if instance is not None:
             _absent(instance)
-        return Signature([_parameter(field) for field in dataclasses.fields(cls) if field.init])
+        return Signature([_parameter(field) for field in _in_order(cls) if field.init])
 
 
 def _absent(instance: object) -> NoReturn:
@@ -190,7 +195,7 @@ def _absent(instance: object) -> NoReturn:
 
 
 def _parameter(field: dataclasses.Field[Value]) -> Parameter:
-    kind = Parameter.POSITIONAL_OR_KEYWORD
+    kind = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
     if field.default is not MISSING:
         return Parameter(field.name, kind, default=field.default, annotation=field.type)
     if field.default_factory is not MISSING:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import obseq
+from obseq.errors import InputError
 from obseq.leastsquares.statistics.effects import effects_of_biases
 from obseq.leastsquares.statistics.reliability import reliability
 from obseq.leastsquares.statistics.snooping import snoop
@@ -109,3 +110,20 @@ def test_snooping_leaves_out_a_blunder_among_correlated_observations():
     found = snoop(system)
     assert [item.row for item in found.rejections] == [4]
     assert not batch.active[4]
+
+
+def test_a_result_is_judged_after_others_with_more_frozen_and_not_with_more_equations():
+    system, points, vectors, _ = correlated_vectors()
+    result = system.solve(covariance=True)
+    expected = reliability(system, result).of(vectors).redundancy
+    frozen = system.unknowns.frozen.copy()
+    system.freeze(points[4:])
+    system.solve(covariance=True)
+    with pytest.raises(InputError, match="frozen or freed"):
+        reliability(system, result)
+    system.unknowns.frozen[:] = frozen
+    system.unknowns.restore(result.state)
+    np.testing.assert_allclose(reliability(system, result).of(vectors).redundancy, expected)
+    system.add("Dist3D", {"p1": points[3:4], "p2": points[5:6]}, [90.0], 1e-4)
+    with pytest.raises(InputError, match="added"):
+        reliability(system, result)

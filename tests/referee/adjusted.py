@@ -31,6 +31,7 @@ class Adjusted:
     freedom: int
     iterations: int
     unknowns: Unknowns
+    length: float = 0.0  # of the last step, in standard deviations a priori: what rounding leaves uncertain
 
     def covariance(self, rows):
         """(k, k) of some unknowns."""
@@ -85,7 +86,7 @@ def adjust(network, equations=Equations, unknowns=Unknowns, polish=2):
         is_rounding = length < SMALL * scale and length > 0.9 * before
         if left < polish or length <= TOLERANCE * scale or is_rounding:
             if left == 0:
-                return result(network, unknowns, design, basis, iterations + 1)
+                return replace(result(network, unknowns, design, basis, iterations + 1), length=length)
             left -= 1
         else:
             iterations += 1

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from referee.adjusted import UndeterminedError, adjust, freed, inner_covariance
+from referee.apart import cost, from_places, is_undecided, weak_points
 from referee.files import comp3d_files, cor_lines, obs_lines, point_lines, table_lines, written_order
 
 from obseq.errors import ObseqError
@@ -11,6 +12,7 @@ from obseq.survey import Datum, Network, Quality, estimating
 
 TURNED = ("AxisPlane", "AxisFoot")  # an axis may point either way
 PROJ = 5e-7  # metres: two ways through PROJ to one place, near a pole
+HIGHER = 1e-6  # share of a sum of squares by which a reference must stand above to be another minimum
 
 
 def read(case, folder):
@@ -43,6 +45,9 @@ class Verdict:
     """How far obseq is from the referee.
 
     `coordinates`, `covariances` and `residuals` are in standard deviations, `redundancies` in parts.
+    `rounding` is what PROJ itself loses there and back, in the smallest sigma of a known coordinate.
+    `uncertain` is the last step of the referee, in standard deviations: redundancies turn with it.
+    `apart` tells why a network is no disagreement: the referee has found so, asked again.
     """
 
     seed: int
@@ -55,6 +60,9 @@ class Verdict:
     standardised: float = 0.0
     inner: float = 0.0
     accused: str = ""
+    apart: str = ""
+    rounding: float = 0.0
+    uncertain: float = 0.0
     iterations: int = 0
     more: int = 0
 
@@ -68,7 +76,7 @@ class Verdict:
             self.standardised,
             self.inner,
         )
-        return max(1e3 * max(sizes), 1e6 * self.redundancies)
+        return max(1e3 * (max(sizes) - self.rounding), 1e6 * (self.redundancies - self.uncertain))
 
     @property
     def is_good(self):
@@ -79,7 +87,7 @@ def judge(case, folder):
     """The verdict on one network; None where the referee finds nothing determined."""
     network = case.network
     try:
-        found = adjust(network)
+        found = given = adjust(network)
         if network.inner is not None:
             network = freed(network, found.xyz)
             found = adjust(network)
@@ -92,9 +100,31 @@ def judge(case, folder):
     except ObseqError as error:
         return Verdict(case.seed, f"refused: {str(error)[:300]}")
     verdict = compared(case, network, found, adjustment)
-    if wants_inner and adjustment.inner is not None and not verdict.said:
-        verdict.inner = _of_inner(network, found, adjustment)
-    return verdict
+    if verdict.is_good:
+        if wants_inner and adjustment.inner is not None:
+            verdict.inner = _of_inner(network, found, adjustment)
+        return verdict
+    weak = weak_points(case.network, given) | weak_points(network, found)
+    return _asked_again(case, network, found, adjustment, verdict, weak)
+
+
+def _asked_again(case, network, found, adjustment, verdict, weak):
+    """A verdict that is not good, or what the referee says when it knows what obseq has found."""
+    names, places = adjustment.points.names, adjustment.points.coordinates
+    out = {p.name for p in network.points} - {
+        name for name, xyz in zip(names, places, strict=True) if np.isfinite(xyz).all()
+    }
+    if out and out <= weak:
+        return replace(verdict, apart=f"{', '.join(sorted(out))} uncertain by a hundredth of the size")
+    if adjustment.left_out and all(is_undecided(network, item) for item in adjustment.left_out):
+        return replace(verdict, apart="two places fit as well")
+    again = None if out else from_places(network, dict(zip(names, places, strict=True)))
+    if again is None or network.inner is not None or cost(again) > cost(found) * (1.0 - HIGHER):
+        return verdict
+    other = compared(case, network, again, adjustment)
+    if other.said or other.worst() > 1.0:
+        return verdict
+    return replace(other, apart=f"the reference stood at {cost(found):.6g} instead of {cost(again):.6g}")
 
 
 def compared(case, network, found, adjustment):
@@ -117,6 +147,7 @@ def compared(case, network, found, adjustment):
     spread = np.sqrt(np.maximum(np.diag(ours), 0.0))
     away = (adjustment.points.coordinates - found.xyz[rows]).ravel()
     verdict.coordinates = deviation(away, ours)
+    verdict.rounding, verdict.uncertain = rounding(network), found.length
     ids = solution.table.find(list(adjustment.points.names), "Point3")
     theirs = solution.covariance_between(ids, ids, a_priori=True)
     scale = np.maximum(spread, 1e-7)
@@ -142,6 +173,18 @@ def compared(case, network, found, adjustment):
     gaps = np.abs(quality.standardised[kept] - w)[controlled]
     verdict.standardised = float(gaps.max(initial=0.0))
     return verdict
+
+
+def rounding(network):
+    """What given coordinates lose in PROJ on the way to the frame and back, in their smallest sigma."""
+    sigmas = np.array([p.sigmas for p in network.points])
+    known = (sigmas > 0).any(axis=1)
+    if not known.any():
+        return 0.0
+    given = network.given[known]
+    places = network.system.placed(given)
+    lost = np.abs(np.real(network.system.gap(places, given))) * network.system.metres(places)
+    return float(np.nanmax(lost / np.where(sigmas[known] > 0, sigmas[known], np.nan)))
 
 
 def deviation(away, covariance):

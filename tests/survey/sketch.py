@@ -21,9 +21,20 @@ class Sketch:
         self.file = folder / "sketch.obs"
         self.truth = {name: np.array(xyz, float) for name, xyz in points.items()}
         self.lines: list[str] = []
+        self.heights = 0.0, 0.0
+
+    def raised(self, instrument, target):
+        """Instruments and targets of what follows stand so high above their points."""
+        self.heights = instrument, target
+        return self
+
+    def _seen(self, origin, target):
+        """From the instrument on one point to the target on another."""
+        return self.truth[target] - self.truth[origin] + (0.0, 0.0, self.heights[1] - self.heights[0])
 
     def _add(self, code, origin, target, value):
-        self.lines.append(f"{code} {origin} {target} {value!r} 0.001")
+        instrument, raised = self.heights
+        self.lines.append(f"{code} {origin} {target} {value!r} 0.001 0 {instrument} {raised}")
 
     def write(self, text):
         self.lines.append(text)
@@ -38,25 +49,25 @@ class Sketch:
 
     def zen(self, station, *targets):
         for target in targets:
-            east, north, up = self.truth[target] - self.truth[station]
+            east, north, up = self._seen(station, target)
             self._add(6, station, target, float(math.atan2(math.hypot(east, north), up) * GON))
         return self
 
     def dist(self, a, *others):
         for b in others:
-            self._add(3, a, b, float(np.linalg.norm(self.truth[b] - self.truth[a])))
+            self._add(3, a, b, float(np.linalg.norm(self._seen(a, b))))
         return self
 
     def dh(self, a, *others):
         for b in others:
-            self._add(4, a, b, float(self.truth[b][2] - self.truth[a][2]))
+            self._add(4, a, b, float(self._seen(a, b)[2]))
         return self
 
     def dxyz(self, station, *targets, rotation=None, codes=(14, 15, 16)):
         """Vectors in the instrument; `rotation` is instrument -> frame."""
         turn = np.eye(3) if rotation is None else np.asarray(rotation)
         for target in targets:
-            vector = turn.T @ (self.truth[target] - self.truth[station])
+            vector = turn.T @ self._seen(station, target)
             for code, value in zip((14, 15, 16), vector, strict=True):
                 if code in codes:
                     self._add(code, station, target, float(value))

@@ -46,22 +46,22 @@ def compute(obs_path, cor_path) -> bool:
     return True
 
 
-@pytest.mark.slow  # reads four thousand files
+@pytest.mark.slow  # reads more than a thousand files; the bench as many as one likes
 @pytest.mark.parametrize("piece", range(4))
 def test_mutated_files_are_refused_or_read(tmp_path, piece):
     counts = Counter()
-    seeds = range(1_000_000 + 1000 * piece, 1_000_000 + 1000 * (piece + 1))
+    seeds = range(1_000_000 + 1000 * piece, 1_000_000 + 1000 * piece + 350)
     assert [found for seed in seeds if (found := BENCH.failure(tmp_path, seed, 0.0, counts))] == []
-    assert counts["refused"] > 400
-    assert counts["read"] > 50
+    assert counts["refused"] > 140
+    assert counts["read"] > 17
 
 
 @pytest.mark.slow  # adjusts a few dozen networks
 def test_mutated_networks_are_refused_or_adjusted_to_what_can_be_trusted(tmp_path):
     counts = Counter()
-    seeds = range(2_004_900, 2_004_960)
+    seeds = range(2_004_900, 2_004_924)
     assert [found for seed in seeds if (found := BENCH.failure(tmp_path, seed, 1.0, counts))] == []
-    assert counts["adjusted"] > 10
+    assert counts["adjusted"] > 3
 
 
 @pytest.mark.slow
@@ -70,7 +70,7 @@ def test_mutated_networks(tmp_path, seed):
     chance = random.Random(seed)
     obs, cor = tmp_path / "n.obs", tmp_path / "n.cor"
     outcomes = []
-    for _ in range(120):
+    for _ in range(50):
         rewrite(obs, mutated(OBS, chance) if chance.random() < 0.8 else OBS.encode())
         rewrite(cor, mutated(COR, chance) if chance.random() < 0.4 else COR.encode())
         outcomes.append(compute(obs, cor))

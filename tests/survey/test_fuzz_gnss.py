@@ -51,14 +51,14 @@ def outcome(folder, texts, change, chance):
     return "read"
 
 
-@pytest.mark.slow  # reads three thousand files
+@pytest.mark.slow  # reads a thousand files
 @pytest.mark.parametrize("form", ["dna", "dynaml", "sinex"])
 def test_mutated_files_are_refused_or_read(tmp_path, form):
     texts, change, counts = seeds(tmp_path)[form], mutated(), Counter()
-    for seed in range(1000):
+    for seed in range(350):
         counts[outcome(tmp_path, texts, change, random.Random(seed))] += 1
-    assert counts["refused"] > 200
-    assert counts["read"] > 20
+    assert counts["refused"] > 70
+    assert counts["read"] > 7
 
 
 @pytest.mark.parametrize("form", ["dna", "dynaml", "sinex"])

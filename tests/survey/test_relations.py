@@ -71,9 +71,10 @@ def test_horizontal_lengths(kind, known, verticals):
     assert found == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.parametrize("lift", [0.0, 1.5])
 @pytest.mark.parametrize("kind", Measured, ids=lambda kind: kind.name)
-def test_derivatives_are_those_of_the_misfits(kind, known, verticals):
-    relation, vertical, step = Relation(kind, 0, 0.123, (0,)), as_matrix(verticals[1]), 1e-3
+def test_derivatives_are_those_of_the_misfits(kind, lift, known, verticals):
+    relation, vertical, step = Relation(kind, 0, 0.123, (0,), lift=lift), as_matrix(verticals[1]), 1e-3
 
     def at(offset):
         return misfit(known, relation, tuple(np.add(POINT, offset)), vertical, G0)

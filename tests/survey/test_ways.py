@@ -73,3 +73,11 @@ def test_ways_of_a_tilted_instrument_are_those_of_its_turned_views(tmp_path, gra
     graph = graph_of(sketch)
     ways = find_ways(graph, Views.of(graph, [0]).turned(tilt))
     np.testing.assert_allclose(ways.positions, [np.subtract(P, A)], atol=1e-9)
+
+
+def test_two_targets_on_the_vertical_of_both_stations_are_no_way(tmp_path, graph_of):
+    plumb = {"A": (0.0, 0.0, 10.0), "B": (0.0, 0.0, 0.0), "C": (0.0, 0.0, 5.0), "P": (0.0, 0.0, 20.0)}
+    sketch = Sketch(tmp_path, **plumb, X=(9.0, 0.0, 0.0))
+    for station in "AP":
+        sketch.hz(station, "X").dxyz(station, "B", "C")
+    assert len(PlumbWays(graph_of(sketch)).of(0).others) == 0

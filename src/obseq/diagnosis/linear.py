@@ -103,7 +103,7 @@ def linearised(
 
 
 def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
-    """The same as plain arrays; none of the batches has clusters."""
+    """The same as plain arrays, of observations that are not correlated."""
     weights = np.concatenate([batch.weights[:, : batch.n].T.ravel() for batch in batches])
     raw = [np.where(batch.active[:, None], np.nan_to_num(result.residuals(batch)), 0.0) for batch in batches]
     rows = [state.rows(batch, np.arange(batch.n)) for batch in batches]

@@ -145,7 +145,11 @@ class Analysis:
         equations, solver = self.equations, self._released_solver()
         with one_blas_thread(), rejection_told(equations.table, equations.batches):
             factor(equations, solver, equations.assemble(viscous=False))
-            return Cofactors(equations.table, equations.free, equations.pattern, solver)
+            return Cofactors(equations.table, equations.free, equations.pattern, solver, self._state)
+
+    def is_of(self, cofactors: Cofactors) -> bool:
+        """Whether some cofactors are of these equations, unknowns being frozen as they were then."""
+        return self._state == cofactors.structure
 
     def _released_solver(self) -> Solver:
         """The solver, for one who keeps it: the next one is a new one."""

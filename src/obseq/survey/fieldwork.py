@@ -77,7 +77,7 @@ class Fieldwork:
     @cached_property
     def _graphs(self) -> Graphs:
         """What the networks of trials, which differ in little, have in common."""
-        return Graphs()
+        return Graphs(self.frame.bend)
 
     def initial_values(self) -> InitialValues:
         """Initial values as far as they go."""

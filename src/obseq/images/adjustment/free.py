@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Iteration, LeastSquares, LeastSquaresResult
 
 SETTLINGS = 8
-SETTLED = 1e-7
-"""Largest change of an unknown, in its unit, that counts as none when a block is put on its datum."""
+SETTLED = 1e-6
+"""Share of its extent by which a last step may move the datum: what such a step leaves is its square."""
 HIGHER = 1e-6
 """Share of a sum of squares by which steps on the datum may end above the damped solution: rounding."""
 
@@ -71,17 +71,21 @@ def solve_free(
     system.set_datum(chosen, motions=partial(_motions, equations) if _floats(equations) else None)
     for ids, values in zip(groups, after, strict=True):
         system.set_values(ids, values)
-    result, more = _on_datum(system, damped, covariance, solving)
+    result, more = _on_datum(system, chosen, damped, covariance, solving)
     return result, done + more, dropped
 
 
 def _on_datum(
-    system: LeastSquares, damped: LeastSquaresResult | None, covariance: bool | None, solving: Solving
+    system: LeastSquares,
+    chosen: IntArray,
+    damped: LeastSquaresResult | None,
+    covariance: bool | None,
+    solving: Solving,
 ) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
     """The solution on its datum, and the steps to it; the damped one, where these lead nowhere better."""
     here = system.unknowns.state()
     try:
-        result, done = _settled(system, covariance, solving)
+        result, done = _settled(system, chosen, covariance, solving)
     except (InputError, DivergenceError, SingularSystemError) as error:
         if damped is None:
             raise
@@ -101,13 +105,15 @@ def _is_as_good(result: LeastSquaresResult, damped: LeastSquaresResult) -> bool:
 
 
 def _settled(
-    system: LeastSquares, covariance: bool | None, solving: Solving
+    system: LeastSquares, chosen: IntArray, covariance: bool | None, solving: Solving
 ) -> tuple[LeastSquaresResult, tuple[Iteration, ...]]:
     done: tuple[Iteration, ...] = ()
+    extent = float(np.ptp(system.values(chosen), axis=0).max())
     for _ in range(SETTLINGS):
+        before = system.values(chosen)
         settled = system.solve(strategy="gauss-newton", **solving).iterations
         done += settled
-        if len(settled) == 1 and settled[0].max_step <= SETTLED:
+        if len(settled) == 1 and np.abs(system.values(chosen) - before).max() <= SETTLED * extent:
             break
     result = system.solve(strategy="gauss-newton", covariance=covariance, **solving)
     return result, done + result.iterations

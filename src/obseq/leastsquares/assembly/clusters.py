@@ -59,14 +59,19 @@ def whitened_rows(
 
 
 def whitening_of(batch: Batch) -> csr_array:
-    """(n m, n m) what whitens residuals, observation by observation: of clusters, or the weights alone."""
-    from scipy.sparse import csr_array
+    """(n m, n m) what whitens residuals, observation by observation: roots of covariances and weights."""
+    from scipy.sparse import bsr_array, csr_array
 
     if batch.clusters is not None:
         return batch.whitening_matrix()
-    weights = batch.weights[:, : batch.n].T.ravel()
-    each = np.arange(len(weights) + 1)
-    return csr_array((weights, each[:-1], each), shape=(len(weights), len(weights)))
+    weights = batch.weights[:, : batch.n].T
+    if batch.is_correlated:
+        roots = batch.whitened(np.repeat(np.eye(weights.shape[1])[:, :, None], batch.n, axis=2))
+        each = np.arange(batch.n + 1)
+        return csr_array(bsr_array((weights[:, :, None] * roots.transpose(2, 0, 1), each[:-1], each)))
+    values = weights.ravel()
+    each = np.arange(len(values) + 1)
+    return csr_array((values, each[:-1], each), shape=(len(values), len(values)))
 
 
 def are_few(rows: csr_array) -> bool:

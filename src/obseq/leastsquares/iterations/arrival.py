@@ -18,7 +18,7 @@ from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.leastsquares.solution.result import StopReason
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
@@ -123,7 +123,13 @@ class Arrival:
         resolved = resolution(self._equations.table, weights)
         unit = self.unit(cost, redundancy)
         small = length <= max(NEGLIGIBLE * unit, FINE / EPS * resolved)
-        return small and self._may_be_rounding(step, length, unit) and self._is_within_roughness(step, length)
+        may_be = small and self._may_be_rounding(step, length, unit)
+        return may_be and self._is_within_roughness(step, length, unit)
+
+    def rounding(self, step: FloatArray, length: float, cost: float, redundancy: int) -> Iterator[FloatArray]:
+        """(m,) rounding of each weighted residual along a step of a length, and along a longer one."""
+        for way in _ways(step, length, self.unit(cost, redundancy)):
+            yield rounding_along(self._equations, way)
 
     def _may_be_rounding(self, step: FloatArray, length: float, unit: float) -> bool:
         """Whether no unknown moves beyond its last digits, by a step that is not short anyway.
@@ -137,12 +143,26 @@ class Arrival:
         largest = float(np.abs(sizes_of(self._equations.table)).max())
         return float(np.abs(step).max()) <= LAST_DIGITS * largest or is_balanced(self._equations)
 
-    def _is_within_roughness(self, step: FloatArray, length: float) -> bool:
+    def _is_within_roughness(self, step: FloatArray, length: float, unit: float) -> bool:
         """Whether a step is made of the rounding of the residuals, measured anew when it may have fallen."""
         if length > NOISY * self._rough:
             return False
-        self._rough = roughness(self._equations, step)
-        return length <= NOISY * self._rough
+        self._rough = 0.0
+        for way in _ways(step, length, unit):
+            self._rough = max(self._rough, roughness(self._equations, way))
+            if length <= NOISY * self._rough:
+                return True
+        return False
+
+
+def _ways(step: FloatArray, length: float, unit: float) -> Iterator[FloatArray]:
+    """A step, and one as long as is negligible: along these rounding is looked for.
+
+    A residual that has few digits, such as a latitude in radians, does not change at all on a short way.
+    """
+    yield step
+    if 0.0 < length < NEGLIGIBLE * unit:
+        yield step * (NEGLIGIBLE * unit / length)
 
 
 def resolution(table: UnknownTable, weights: FloatArray) -> float:

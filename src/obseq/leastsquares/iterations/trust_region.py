@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, NOISY, Arrival, resolution, rounding_along
+from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, NOISY, Arrival, resolution
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
@@ -275,8 +275,10 @@ class _Search:
             return True
         if trial.promised > NEGLIGIBLE**3 * cost:
             return False
-        lost = rounding_along(self._equations, -trial.move) * self._equations.weighted_residuals()
-        return bool(trial.promised <= 2.0 * NOISY * np.linalg.norm(lost))
+        redundancy = self._redundancy + self._path.defect
+        residuals = self._equations.weighted_residuals()
+        parts = self._arrival.rounding(-trial.move, trial.length, cost, redundancy)
+        return any(trial.promised <= 2.0 * NOISY * np.linalg.norm(lost * residuals) for lost in parts)
 
     def _is_rounding(self, trial: Trial) -> bool:
         """Whether a full step that brings nothing is made of rounding: residuals that are all zero, say."""

@@ -16,15 +16,24 @@ if TYPE_CHECKING:
 
 
 class Cofactors:
-    """Entries of Q = N^-1 on the pattern of N, frozen unknowns at zero; any other entry through a solve."""
+    """Entries of Q = N^-1 on the pattern of N, frozen unknowns at zero; any other entry through a solve.
+
+    `structure` is all that the pattern follows from: equal to that of whatever has the same one.
+    """
 
     def __init__(
-        self, table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, solver: Solver
+        self,
+        table: UnknownTable,
+        free: FreeUnknowns,
+        pattern: SymmetricPattern,
+        solver: Solver,
+        structure: object,
     ) -> None:
         self.table = table
         self._free = free
         self.pattern = pattern
         self._solver = solver
+        self.structure = structure
         self.parts = solver.inverse_parts()
         self.values = self.parts.whole(pattern)
 

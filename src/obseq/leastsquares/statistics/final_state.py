@@ -268,8 +268,9 @@ def final_state(system: LeastSquares, result: LeastSquaresResult) -> FinalState:
     Raises:
         InputError: covariances were not asked for, or the system or its weights have changed since.
     """
-    cofactors, equations = result.cofactors, system.equations()
-    if equations.pattern is not cofactors.pattern:
+    cofactors, analysis = result.cofactors, system.analysis()
+    equations = analysis.equations
+    if not analysis.is_of(cofactors):
         raise InputError(
             "equations or unknowns were added, frozen or freed since this result: "
             "solve again with covariance=True"

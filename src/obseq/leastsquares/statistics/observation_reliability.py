@@ -64,12 +64,12 @@ class ObservationReliability(Generic[Source]):
 
     @property
     def w_p_values(self) -> FloatArray:
-        """Probability of a larger |w| without blunder, the given sigmas being right."""
+        """Probability of a larger `|w|` without blunder, the given sigmas being right."""
         return normal_p_values(self.w)
 
     @property
     def tau_p_values(self) -> FloatArray:
-        """Probability of a larger |tau| without blunder, the sigmas being right up to one factor."""
+        """Probability of a larger `|tau|` without blunder, the sigmas being right up to one factor."""
         return tau_p_values(self.tau, self._total_redundancy)
 
     def label(self, row: int) -> str:

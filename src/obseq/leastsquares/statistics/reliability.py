@@ -112,12 +112,12 @@ class Reliability:
 
     @property
     def w_critical(self) -> float:
-        """Limit of |w| at the level of the analysis."""
+        """Limit of `|w|` at the level of the analysis."""
         return normal_critical(self.level)
 
     @property
     def tau_critical(self) -> float:
-        """Limit of |tau| at the level of the analysis."""
+        """Limit of `|tau|` at the level of the analysis."""
         return tau_critical(self.level, self.redundancy)
 
     def of(self, source: Batch | Prior) -> ObservationReliability[Batch | Prior]:

@@ -132,6 +132,13 @@ class Frame:
             return None
         return crs.Normals(self.system) if isinstance(self.system, crs.RigidSystem) else self.vertical
 
+    @property
+    def bend(self) -> float:
+        """About what `refraction` is for each metre of a distance (rad / m)."""
+        if not (self.has_vertical or self.is_plane):
+            return 0.0
+        return (self.refraction_coefficient - self.is_plane) / (2.0 * MEAN_RADIUS)
+
     def refraction(self, book: FieldBook, rows: IntArray, coordinates: FloatArray) -> FloatArray:
         """(n,) corrections (rad) of some zenith angles, at the coordinates (n_points, 3) given.
 

@@ -31,7 +31,10 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.batches import Batch
 
 UNDETERMINED = 0.01
-"""Standard deviation of a motion, as a share of the size of the network, from which it is not determined."""
+"""Standard deviation of a motion, as a share of the size of the network, from which it is not determined.
+
+Beyond it derivatives change so much within it that its own two digits are wrong (docs/statistics.md).
+"""
 DIRECT = 1e-3
 """Share of what an equation sees of single points from which it sees a motion: less may be a misclosure."""
 ALIKE = 1e-10

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError, SingularSystemError
+from obseq.survey.adjustment.loose_motions import UNDETERMINED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -12,9 +13,6 @@ if TYPE_CHECKING:
     from obseq.leastsquares import LeastSquares
     from obseq.survey.adjustment.equations import Equations
     from obseq.survey.initial.left_out import Determined
-
-LARGEST = 0.01
-"""Standard deviation of a scale that nothing determines: by the curvature of the Earth, 0.2 over 300 m."""
 
 
 def check_scales(
@@ -47,7 +45,7 @@ def check_scales(
     scales = equations.shared.scales()
     sigmas = solution.precisions(list(scales.values()), a_priori=True)[:, 0].tolist()
     loose = [
-        f"{name} (+- {sigma:.0%})" for name, sigma in zip(scales, sigmas, strict=True) if sigma > LARGEST
+        f"{name} (+- {sigma:.0%})" for name, sigma in zip(scales, sigmas, strict=True) if sigma > UNDETERMINED
     ]
     if loose:
         raise _error(loose)

@@ -328,7 +328,7 @@ def _batches(equations: Equations) -> list[Batch]:
 
 def _is_plain(equations: Equations) -> bool:
     """Whether none of its observations are correlated."""
-    return all(batch.clusters is None for batch in _batches(equations))
+    return not any(batch.is_correlated or batch.clusters is not None for batch in _batches(equations))
 
 
 def _solved(equations: Equations, **options: Any) -> LeastSquaresResult:

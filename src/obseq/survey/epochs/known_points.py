@@ -56,7 +56,8 @@ def by_observations(epoch: Adjustment, names: Sequence[str]) -> Adjustment | Non
     places = np.where(_known(points)[:, None], points.coordinates, epoch.points.places)
     free, book = join(freed(_released(points), places, Datum(DatumKind.INNER, tuple(names))), book)
     try:
-        start = Determined(free, book, values_by(Graphs(), free, book, computation.frame.plumb))
+        frame = computation.frame
+        start = Determined(free, book, values_by(Graphs(frame.bend), free, book, frame.plumb))
         start.initial.require_complete()
         found = computation.determined(start, strict=True)
         require_whole(found.undetermined)

@@ -83,10 +83,11 @@ class Approximations:
         offsets = coordinates[observations.to_points[rows]] - coordinates[origins]
         local = self._local(coordinates, origins, offsets)
         flat = np.hypot(local[:, 0], local[:, 1])
-        length = np.hypot(flat, local[:, 2])
+        rise = local[:, 2] + observations.to_heights[rows] - observations.from_heights[rows]
+        length = np.hypot(flat, rise)
         # the last one is for observations without station
         is_plumb = np.append(self.orientations != Orientation.BASC.value, True)[observations.stations[rows]]
-        zenith = np.abs(np.arctan2(flat, local[:, 2]) - np.arccos(np.cos(values)))
+        zenith = np.abs(np.arctan2(flat, rise) - np.arccos(np.cos(values)))
         wrong = _gives(kinds, Start.DISTANCE) & (np.abs(length - values) > _FAR * np.abs(values))
         wrong |= _gives(kinds, Start.FLAT) & (np.abs(flat - values) > _FAR * np.abs(values))
         wrong |= _gives(kinds, Start.ZENITH) & is_plumb & (zenith > _FAR)

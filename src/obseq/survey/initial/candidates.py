@@ -316,10 +316,10 @@ def _height_from(around: Surroundings, c: Relation, flat_distance: float) -> flo
         return c.value - around.origin_height
     base = around.local[c.other][2]
     if c.kind in (Measured.RISE, Measured.RISE_AT):
-        return base + (c.value if c.kind == Measured.RISE else -c.value)
+        return base + (c.value - c.lift) * (1.0 if c.kind == Measured.RISE else -1.0)
     if math.sin(c.value) < 1e-6:
         return None
-    rise = flat_distance / math.tan(c.value)
+    rise = flat_distance / math.tan(c.value) - c.lift
     return base + (rise if c.kind == Measured.ZENITH else -rise)
 
 
@@ -330,8 +330,10 @@ def _space_rays(around: Surroundings) -> list[tuple[Space, Space, tuple[Relation
     for ray in around.rays:
         zenith = zeniths.get(ray.other)
         if zenith is not None:
-            angle = zenith.value if zenith.kind == Measured.ZENITH else math.pi - zenith.value
-            start = around.local[ray.other]
+            is_there = zenith.kind == Measured.ZENITH
+            angle, lift = (zenith.value, -zenith.lift) if is_there else (math.pi - zenith.value, zenith.lift)
+            x, y, z = around.local[ray.other]
+            start = (x, y, z + lift)
             rays.append((start, direction(ray.azimuth, angle), (*ray.used, zenith), ray.other))
     return _thinned(rays)
 

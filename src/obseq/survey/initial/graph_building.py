@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.initial.sight_graph import Measured, SightGraph, decimals
-from obseq.survey.initial.sights import DISTANCE, HZ, SLOTS, ZENITH, Measures, make_sights
+from obseq.survey.initial.sights import DISTANCE, DZ, HZ, SLOTS, ZENITH, Measures, make_sights
 from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import IS_ANGLE, KINDS
+from obseq.survey.kinds.registry import IS_ANGLE, KINDS, among, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
@@ -35,7 +35,12 @@ _NOTHING = Measured(_NO_ROWS, _NO_ROWS, _NO_ROWS, np.zeros(0))
 
 
 def build_graph(
-    book: FieldBook, n_points: int, orientations: npt.NDArray[np.int8], *, is_level: bool = False
+    book: FieldBook,
+    n_points: int,
+    orientations: npt.NDArray[np.int8],
+    *,
+    is_level: bool = False,
+    bend: float = 0.0,
 ) -> SightGraph:
     """The graph of a field book whose rows are rows of `n_points` points.
 
@@ -47,6 +52,7 @@ def build_graph(
         n_points: number of points.
         orientations: of its stations.
         is_level: whether all points have the same height: every sight is level then.
+        bend: what zenith angles have to be corrected by for each metre of a distance (rad / m).
     """
     parts = _parts(book)
     distances, flats = _lengths(parts, n_points, is_level=is_level)
@@ -54,6 +60,7 @@ def build_graph(
     angles = _AngleStations(book, _of(parts, Start.ANGLE))
     ends, measures = angles.after(ends, measures)
     _take_distances(measures, ends[1:], distances, n_points)
+    _straighten(book, measures, bend)
     if is_level:
         _lay_level(measures)
     observations = book.observations
@@ -67,6 +74,7 @@ def build_graph(
         distances,
         flats,
         _of(parts, Start.RISE),
+        bend,
     )
 
 
@@ -80,6 +88,7 @@ def measured_anew(graph: SightGraph, book: FieldBook) -> SightGraph:
     for _, measured in _parts(book):
         values[measured.rows] = measured.values
     measures = replace(sights.measures, values=values[sights.measures.rows])
+    _straighten(book, measures, graph.bend)
     ends = np.array((sights.stations, sights.origins, sights.targets))
     slopes, flats, rises = (
         replace(part, values=values[part.rows]) for part in (graph.slopes, graph.flats, graph.rises)
@@ -170,7 +179,7 @@ def _measures(book: FieldBook, parts: Sequence[Part], sight_of: IntArray, n: int
         sights = sight_of[rows]
         measures.rows[slot, sights] = rows
         measures.values[slot, sights] = measured.values[::-1]
-    rows = measures.rows[ZENITH]
+    rows = np.where(measures.rows[ZENITH] >= 0, measures.rows[ZENITH], measures.rows[DZ])
     heights = book.observations.to_heights[rows] - book.observations.from_heights[rows] if n else 0.0
     measures.lifts[:] = np.where(rows >= 0, heights, 0.0)
     return measures
@@ -223,6 +232,16 @@ def _take_distances(measures: Measures, ends: IntRows, distances: Measured, n_po
     has_distance = pairs[places] == wanted
     measures.values[DISTANCE] = np.where(has_distance, distances.values[places], np.nan)
     measures.rows[DISTANCE] = np.where(has_distance, distances.rows[places], -1)
+
+
+def _straighten(book: FieldBook, measures: Measures, bend: float) -> None:
+    """Corrects zenith angles of sights whose distances are known for refraction: 15 m in 40 km."""
+    rows = measures.rows[ZENITH]
+    is_bent = (rows >= 0) & (measures.rows[DISTANCE] >= 0)
+    is_bent[is_bent] = among(
+        book.observations.types[rows[is_bent]], codes_where(lambda kind: kind.is_refracted)
+    )
+    measures.values[ZENITH, is_bent] += bend * measures.values[DISTANCE, is_bent]
 
 
 def _lay_level(measures: Measures) -> None:

@@ -32,9 +32,14 @@ class _Made(NamedTuple):
 
 
 class Graphs:
-    """Graphs of field books, one after the other: what one shares with the next is not made anew."""
+    """Graphs of field books, one after the other: what one shares with the next is not made anew.
 
-    def __init__(self) -> None:
+    Args:
+        bend: as of `build_graph`.
+    """
+
+    def __init__(self, bend: float = 0.0) -> None:
+        self._bend = bend
         self._last: _Made | None = None
 
     def of(
@@ -43,13 +48,13 @@ class Graphs:
         """The graph of a field book, and the ways between its stations; arguments as of `build_graph`."""
         last = self._last
         if last is None or (last.n_points, last.is_level) != (n_points, is_level):
-            graph = build_graph(book, n_points, orientations, is_level=is_level)
+            graph = build_graph(book, n_points, orientations, is_level=is_level, bend=self._bend)
         elif _is_the_same(last.book, book):
             return last.graph, last.ways
         elif _differ_in_numbers(last, book, orientations):
             graph = measured_anew(last.graph, book)
         else:
-            graph = build_graph(book, n_points, orientations, is_level=is_level)
+            graph = build_graph(book, n_points, orientations, is_level=is_level, bend=self._bend)
         made = _Made(book, n_points, is_level, graph, PlumbWays(graph))
         if len(book.observations) <= _MOST:
             self._last = made

@@ -1,9 +1,9 @@
 """Groups of points and stations that hang together but touch known points only by common points.
 
-Two known stations that do not see each other, a traverse between two known points without any azimuth: no
-point of such a group can be placed alone. The group is computed in a frame of its own (a station at the
-origin, its circle at zero, parallel plumb lines), then turned and moved onto the points it shares with what
-is known.
+Two known stations that do not see each other, a traverse between two known points without any azimuth, one
+known point and an azimuth elsewhere: no point of such a group can be placed alone. The group is computed in a
+frame of its own (a station at the origin, its circle at zero, parallel plumb lines), then turned and moved
+onto the points it shares with what is known; where these are too near to each other, azimuths turn it.
 """
 
 from __future__ import annotations
@@ -11,9 +11,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.known import Known, minus, plus, times, transposed_times
 from obseq.survey.initial.placement import Level, Placement
+from obseq.survey.initial.relations import central_angle
 from obseq.survey.initial.steps import Step, step_of
 from obseq.survey.model import Orientation
 
@@ -127,7 +130,7 @@ class LocalFrames:
         return None
 
     def _groups_with_ties(self, allowed: list[int]) -> set[int]:
-        """Stations whose connected group of sights contains two located points or more."""
+        """Stations whose connected group of sights has two located points, or one and an azimuth."""
         parent: dict[int, int] = {}
 
         def root(point: int) -> int:
@@ -143,7 +146,19 @@ class LocalFrames:
         for point in parent:
             if self.known.is_settled[point]:
                 ties[root(point)] = ties.get(root(point), 0) + 1
-        return {s for s in allowed if ties.get(root(self.graph.origins[s]), 0) >= 2}
+        turned = {root(a) for a, b, _ in self._azimuths if a in parent and b in parent and root(a) == root(b)}
+        least = {group: 1 if group in turned else 2 for group in ties}
+        found = {group for group, count in ties.items() if count >= least[group]}
+        return {s for s in allowed if root(self.graph.origins[s]) in found}
+
+    @cached_property
+    def _azimuths(self) -> list[tuple[int, int, float]]:
+        """From which point to which, and the azimuth (rad) that an instrument with the real north reads."""
+        graph = self.graph
+        fixed = [s for s, kind in enumerate(graph.orientations) if kind == Orientation.FIX.value]
+        sights = [number for station in fixed for number in graph.sights_from[station]]
+        every = [(graph.origin_of[n], graph.target_of[n], graph.reading_of[n]) for n in sights]
+        return [azimuth for azimuth in every if not math.isnan(azimuth[2])]
 
     def _try_from(self, station: int, allowed: frozenset[int], tried: set[int]) -> list[int]:
         """Computes the group of one station in its own frame and moves it to its place."""
@@ -197,7 +212,7 @@ class LocalFrames:
     def _tie(self, station: int, located: list[int], *, is_scaled: bool) -> list[int]:
         """Moves the located points of the scratch that are new to what is known."""
         common = [point for point in located if self.known.is_settled[point]]
-        tie = self._solve(common, located, is_scaled=is_scaled) if len(common) >= 2 else None
+        tie = self._solve(common, located, is_scaled=is_scaled) if common else None
         if tie is None:
             return []
         name = self.known.names[self.graph.origins[station]]
@@ -224,9 +239,10 @@ class LocalFrames:
         )
 
     def _solve(self, common: list[int], located: list[int], *, is_scaled: bool) -> _Tie | None:
-        """Least-squares rotation about the vertical and translation; None when the base is too short.
+        """Least-squares rotation about the vertical and translation; None where nothing gives them.
 
-        With scale, if it `is_scaled`; heights have no part in that.
+        With scale, if it `is_scaled`; heights have no part in that. Where the base is too short, azimuths
+        give the rotation, and nothing a scale.
         """
         origin = common[0]
         vertical, start = self.known.vertical_of(origin), self.known.position_of(origin)
@@ -236,18 +252,29 @@ class LocalFrames:
         local_centre, centre = _centre(local, weights), _centre(real, weights)
         base = max(math.dist(position[:2], local_centre) for position in local)
         size = max(math.dist(self.scratch.position_of(point)[:2], local_centre) for point in located)
+        point_sigma = max(self.known.point_sigmas[point] for point in common)
         if base <= max(_LEAST_BASE * size, 1e-3):
-            return None
+            angle = None if is_scaled else self._angle_by_azimuths(located)
+            rise = self._rise(common, local, real)
+            return None if angle is None else _Tie(origin, angle, local_centre, centre, rise, point_sigma)
         cross = dot = square = 0.0
         for p, q, weight in zip(local, real, weights, strict=True):
             a, b = (p[0] - local_centre[0], p[1] - local_centre[1]), (q[0] - centre[0], q[1] - centre[1])
             cross += weight * (b[0] * a[1] - b[1] * a[0])
             dot += weight * (a[0] * b[0] + a[1] * b[1])
             square += weight * (a[0] * a[0] + a[1] * a[1])
-        point_sigma = max(self.known.point_sigmas[point] for point in common)
         scale = math.hypot(cross, dot) / square if is_scaled else 1.0
         rise = None if is_scaled else self._rise(common, local, real)
         return _Tie(origin, math.atan2(cross, dot), local_centre, centre, rise, point_sigma, scale)
+
+    def _angle_by_azimuths(self, located: list[int]) -> float | None:
+        """The turn that azimuths between located points of the scratch ask for; None where there are none."""
+        angles, ends = [], set(located)
+        for a, b, azimuth in self._azimuths:
+            if a in ends and b in ends:
+                east, north, _ = minus(self.scratch.position_of(b), self.scratch.position_of(a))
+                angles.append(wrap(azimuth - math.atan2(east, north)))
+        return central_angle(angles) if angles else None
 
     def _common_point_sigma(self, point: int) -> float:
         return math.hypot(self.known.point_sigmas[point], self.scratch.point_sigmas[point])

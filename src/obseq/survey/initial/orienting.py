@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.geometry import closest_rotation, isometry, rotation_z
-from obseq.survey.initial.known import Known, Matrix, as_matrix
+from obseq.survey.initial.known import Known, Matrix, as_matrix, plus, scaled
 from obseq.survey.initial.relations import free_direction
 from obseq.survey.initial.steps import Step
 from obseq.survey.model import Orientation
@@ -162,7 +162,8 @@ def _pairs(known: Known, graph: SightGraph, station: int, *, complete: bool) -> 
         found = free_direction(sight) if known.is_placed(sight.target) else None
         if found is None or (complete and not found[1]):
             continue
-        ground.append(known.position_of(sight.target))
+        up = known.vertical_of(sight.target)[2]
+        ground.append(plus(known.position_of(sight.target), scaled(up, sight.lift)))
         seen.append(found[0][0])
         points.append(sight.target)
         rows.extend(found[0][1])

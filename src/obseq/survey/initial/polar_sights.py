@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from obseq.survey.initial.known import plus, times, transposed_times, turned
+from obseq.survey.initial.known import plus, scaled, times, transposed_times, turned
 from obseq.survey.initial.steps import Step
 from obseq.survey.model import Orientation
 
@@ -109,17 +109,20 @@ class PolarSights:
     def _take(self, point: int, number: int, point_sigma: float) -> None:
         known, station, origin = self.known, self.graph.station_of[number], self.graph.origin_of[number]
         local, relative_sigma, cause = self._polar(number, station)
-        known.positions[point] = plus(known.position_of(origin), in_frame(known, station, origin, local))
+        moved = in_frame(known, station, origin, local, float(self.graph.sights.measures.lifts[number]))
+        known.positions[point] = plus(known.position_of(origin), moved)
         known.has_height[point], known.point_steps[point] = 1, cause
         known.parents[point], known.relative_sigmas[point] = station, relative_sigma
         known.point_sigmas[point] = point_sigma
 
 
-def in_frame(known: Known, station: int, origin: int, local: Space) -> Space:
-    """A vector of an oriented instrument on a located point, in the frame."""
+def in_frame(known: Known, station: int, origin: int, local: Space, lift: float) -> Space:
+    """A vector of an oriented instrument on a located point, in the frame, from ground to ground."""
     rotation = known.rotations[station]
     if rotation is not None:
-        return times(rotation, local)
+        x, y, z = local
+        seen = times(rotation, (x, y, z + lift))
+        return plus(seen, scaled(known.vertical_of(origin)[2], -lift))
     return transposed_times(known.vertical_of(origin), turned(local, known.g0[station] or 0.0))
 
 

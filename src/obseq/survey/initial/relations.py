@@ -62,6 +62,7 @@ class Relation:
 
     `value` is in metres or radians; for LEVEL it is the height of the point. Readings (READING_AT) of one
     `station` share one unknown G0, unless `g0` is known. A height that the file gives has no `rows`.
+    `lift` is how much higher the target of a zenith angle or a rise is above its ground than the instrument.
     """
 
     kind: Measured
@@ -70,6 +71,7 @@ class Relation:
     rows: tuple[int, ...]
     station: int = -1
     g0: float | None = None
+    lift: float = 0.0
 
     def sigma(self, sigmas: Sequence[float]) -> float:
         """The largest of the sigmas (m, rad) of its observations."""
@@ -151,7 +153,7 @@ def _add_lengths(
 ) -> None:
     """Zenith angle, DX with DY, and DZ of a plumb instrument."""
     if sight.zenith is not None and known.is_placed(other):
-        found.append(Relation(kinds[0], other, sight.zenith[0], (sight.zenith[1],)))
+        found.append(Relation(kinds[0], other, sight.zenith[0], (sight.zenith[1],), lift=sight.lift))
     if sight.dx is not None and sight.dy is not None:
         length, rows = math.hypot(sight.dx[0], sight.dy[0]), (sight.dx[1], sight.dy[1])
         plumb = (
@@ -159,7 +161,7 @@ def _add_lengths(
         )  # a circle of no radius is a point
         found.extend(Relation(kind, other, length, rows) for kind in plumb)
     if sight.dz is not None and known.is_placed(other):
-        found.append(Relation(kinds[2], other, sight.dz[0], (sight.dz[1],)))
+        found.append(Relation(kinds[2], other, sight.dz[0], (sight.dz[1],), lift=sight.lift))
 
 
 def _add_free_sight(known: Known, sight: Sight, found: list[Relation]) -> None:
@@ -173,15 +175,16 @@ def _add_free_sight(known: Known, sight: Sight, found: list[Relation]) -> None:
     found.append(Relation(Measured.AZIMUTH, sight.origin, math.atan2(east, north), rows))
     if is_complete:
         found.append(Relation(Measured.HORIZONTAL, sight.origin, flat, rows))
-        found.append(Relation(Measured.RISE, sight.origin, up, rows))
+        found.append(Relation(Measured.RISE, sight.origin, up, rows, lift=sight.lift))
     else:
-        found.append(Relation(Measured.ZENITH, sight.origin, math.atan2(flat, up), rows))
+        found.append(Relation(Measured.ZENITH, sight.origin, math.atan2(flat, up), rows, lift=sight.lift))
 
 
 def free_direction(sight: Sight) -> tuple[tuple[Space, tuple[int, ...]], bool] | None:
-    """Vector of a sight in the instrument with its rows, and whether its length is real (else 1)."""
+    """Vector in the instrument, to the target, with its rows, and whether its length is real (else 1)."""
     if sight.vector is not None:
-        return sight.vector, True
+        (x, y, z), rows = sight.vector
+        return ((x, y, z + sight.lift), rows), True
     if sight.hz is None or sight.zenith is None:
         return None
     return (direction(sight.hz[0], sight.zenith[0]), (sight.hz[1], sight.zenith[1])), False
@@ -207,11 +210,12 @@ def misfit(known: Known, relation: Relation, position: Space, vertical: Matrix, 
         return math.remainder(math.atan2(east, north) - value, TURN)
     if kind == READING_AT:
         return math.remainder(math.atan2(east, north) - g0 - value, TURN)
+    up = g * x + h * y + i * z + relation.lift
     if kind in _ZENITHS:
-        return math.atan2(math.hypot(east, north), g * x + h * y + i * z) - value
+        return math.atan2(math.hypot(east, north), up) - value
     if kind in _PLUMB:
         return (east if kind == _EAST else north) - value
-    return (g * x + h * y + i * z if kind in _RISES else math.hypot(east, north)) - value
+    return (up if kind in _RISES else math.hypot(east, north)) - value
 
 
 def gradient(known: Known, relation: Relation, position: Space, vertical: Matrix) -> Space:
@@ -223,15 +227,15 @@ def gradient(known: Known, relation: Relation, position: Space, vertical: Matrix
     if kind == _DISTANCE:
         return scaled(times(vertical, offset), 1.0 / (math.hypot(*offset) or 1.0))
     if kind in _AT:
-        return scaled(_local_gradient(kind, scaled(times(vertical, offset), -1.0)), -1.0)
+        return scaled(_local_gradient(relation, scaled(times(vertical, offset), -1.0)), -1.0)
     other = known.vertical_of(relation.other)
-    local = _local_gradient(kind, times(other, offset))
+    local = _local_gradient(relation, times(other, offset))
     return local if other is vertical else times(vertical, transposed_times(other, local))
 
 
-def _local_gradient(kind: Measured, seen: Space) -> Space:
+def _local_gradient(relation: Relation, seen: Space) -> Space:
     """Derivatives of a measure by the east, north and up of what is seen."""
-    east, north, up = seen
+    kind, (east, north, up) = relation.kind, seen
     if kind in _RISES:
         return 0.0, 0.0, 1.0
     if kind in _PLUMB:
@@ -243,6 +247,7 @@ def _local_gradient(kind: Measured, seen: Space) -> Space:
     if kind in _BEARINGS:
         return north / flat / flat, -east / flat / flat, 0.0
     if kind in _ZENITHS:
+        up += relation.lift
         square = flat * flat + up * up
         return up * east / flat / square, up * north / flat / square, -flat / square
     return east / flat, north / flat, 0.0

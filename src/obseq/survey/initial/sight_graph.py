@@ -87,6 +87,7 @@ class SightGraph:
         slopes: slope distances, one per pair of points.
         flats: horizontal distances.
         rises: height differences.
+        bend: what zenith angles have been corrected by for each metre of a distance (rad / m).
     """
 
     orientations: list[int]
@@ -98,6 +99,7 @@ class SightGraph:
     slopes: Measured
     flats: Measured
     rises: Measured
+    bend: float = 0.0
 
     def with_numbers(
         self, sigmas: array[float], sights: Sights, slopes: Measured, flats: Measured, rises: Measured

@@ -35,8 +35,8 @@ class Sight:
     """Measures of one station to one target, in the frame of the instrument.
 
     `distance` is the slope distance between the two points, whoever measured it. `lift` is how much higher
-    the target is above its ground than the instrument above its own. `vector` is the target in the frame of
-    the instrument, with the observations it comes from.
+    the target is above its ground than the instrument above its own. `vector` leads from ground to ground in
+    the frame of the instrument, its last axis being taken for the vertical, with its observations.
     """
 
     station: int
@@ -62,7 +62,8 @@ class Sight:
     def lengths(self) -> tuple[tuple[float, float], tuple[int, ...]] | None:
         """Horizontal distance and rise for a plumb instrument, with their observations."""
         if self.dx is not None and self.dy is not None and self.dz is not None:
-            return (math.hypot(self.dx[0], self.dy[0]), self.dz[0]), (self.dx[1], self.dy[1], self.dz[1])
+            flat, rise = math.hypot(self.dx[0], self.dy[0]), self.dz[0] - self.lift
+            return (flat, rise), (self.dx[1], self.dy[1], self.dz[1])
         if self.zenith is None or self.distance is None:
             return None
         _, flat, rise = direction(0.0, self.zenith[0], self.distance[0])
@@ -105,12 +106,12 @@ class Measures:
 
     def vectors(self) -> tuple[FloatRows, IntRows]:
         """(3, n) targets in the frames of the instruments, NaN where unknown, and their observations."""
-        hz, zenith, distance = self.values[_POLAR]
+        hz, zenith, distance, dx, dy, dz = self.values
         flat = distance * np.sin(zenith)
         polar = np.array([flat * np.sin(hz), flat * np.cos(hz), distance * np.cos(zenith) - self.lifts])
         shifted = self.rows[_SHIFTS].min(axis=0) >= 0
         rows = np.where(shifted, self.rows[_SHIFTS], self.rows[_POLAR])
-        return np.where(shifted, self.values[_SHIFTS], polar), rows
+        return np.where(shifted, [dx, dy, dz - self.lifts], polar), rows
 
     def vector_sigmas(self, sigmas: FloatRows) -> FloatArray:
         """(n,) expected errors of the vectors (m), from those of the measures (6, n)."""

@@ -235,8 +235,7 @@ def _free_stations(sights: Sights, views: Views, seen: IntRows, of_others: IntRo
     relative_sigmas = lengths(sigmas.T)
     ends = there - _turned(own, azimuth - own_azimuth)
     positions = ends.mean(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        azimuth_sigmas = relative_sigmas / base
+    azimuth_sigmas = relative_sigmas / np.where(base > 0.0, base, np.nan)
     moved = azimuth_sigmas * _flat_lengths(positions - there.mean(axis=1))
     alike = np.abs(base - own_base) <= 0.02 * base + 5.0 * relative_sigmas
     found = _Part(seen, of_others, positions, np.hypot(relative_sigmas, moved), azimuth_sigmas)
