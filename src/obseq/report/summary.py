@@ -2,6 +2,9 @@
 
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from heapq import nlargest
+
+from msgspec import structs
 
 from obseq.arguments import TEXT, TEXTS, WORDS, expecting, instance
 from obseq.errors import InputError
@@ -137,10 +140,9 @@ def _lines(
     """The first rows of a table, those of the largest values of a column first."""
     numbers = numbers_of(record)
     writer = Writer(list(numbers), units.units_of(record))
-    for table in tables(record, numbers):
-        if table["id"] == name:
-            rows = range(len(table["columns"][0]["values"])) if by is None else worst(table, by)
-            yield from writer.lines(table, rows[:most], () if most is None else TERSE)
+    for table in tables(record, numbers, [name]):
+        rows = range(len(table["columns"][0]["values"])) if by is None else worst(table, by)
+        yield from writer.lines(table, rows[:most], () if most is None else TERSE)
 
 
 def _notes(record: AdjustmentRecord, most: int) -> Iterator[str]:
@@ -224,7 +226,12 @@ def notes(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
-    yield from _lines(record, "observations", "w", WORST)
+    rows = [
+        (row.standardised_residual, row.normalised_residual, row) for row in record.observations if row.active
+    ]
+    worst_rows = nlargest(WORST, rows, key=lambda row: (abs(row[0] or 0.0), abs(row[1] or 0.0)))
+    few = structs.replace(record, observations=tuple(row for *_, row in worst_rows))
+    yield from _lines(few, "observations", "w", WORST)
     if record.joint:
         yield ""
         yield from _lines(record, "vectors", "T / limit", WORST)
