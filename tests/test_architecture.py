@@ -169,7 +169,7 @@ def test_the_run_time_never_loads_sympy() -> None:
     script = (
         "import sys\nsys.modules['sympy'] = sys.modules['jinja2'] = None\n"
         "import obseq, obseq.survey, obseq.images, obseq.crs, obseq.leastsquares, obseq.kernels\n"
-        "import obseq.report\n"
+        "import obseq.report.formats, obseq.report.page\n"
         "obseq.calculator('TopoHz')"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)

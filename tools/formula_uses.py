@@ -57,6 +57,7 @@ KERNELS = (
         r"(Ratio)?Dist2DCons|PropCovNwCD_.*|SetPointNwCD_.*|SumSquare_.*",
         "plane networks of the original's own tests",
     ),
+    (r"TopoSubFrame", "vectors along a frame; survey networks take their components as linear equations"),
     (r"TopoDHParam", "`TopoDHParamOff` with offsets of 0, which the survey takes"),
 )
 """Names, and why nothing here adjusts with them; `obseq.Adjustment` takes them all."""

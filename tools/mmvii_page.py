@@ -5,8 +5,8 @@ The page is checked by the tests, so that it says what the code does.
 
 from pathlib import Path
 
-from obseq.project.spelling import IDLE, Spelling
-from obseq.project.spellings import SPELLINGS
+from obseq.project.options.spelling import IDLE, Spelling
+from obseq.project.options.spellings import SPELLINGS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "coming-from-mmvii.md"
 HEAD = """\

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.cli.main import main as obseq
-from obseq.report import page
 from obseq.report.compared import comparison_page
+from obseq.report.page import page
 from obseq.report.planned import plan_page
 from obseq.survey import Datum, Network, Quality, compare, plan, simulate
 

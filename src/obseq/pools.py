@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import count
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from _thread import RLock
     from collections.abc import Iterator
+    from concurrent.futures import ThreadPoolExecutor
     from threading import Lock
 
 NUMBERS = count()
@@ -40,6 +40,8 @@ def thread_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
     Raises:
         KeyboardInterrupt: the block was interrupted, at any moment.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     prefix = f"obseq-{next(NUMBERS)}-"
     try:
         with ThreadPoolExecutor(threads, prefix) as pool:

@@ -7,9 +7,9 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.project.bundle_options import Set2D, Set3D, parse_options
 from obseq.project.cameras import read_orientation
-from obseq.project.option_values import parse_value
+from obseq.project.options.bundle_options import Set2D, Set3D, parse_options
+from obseq.project.options.option_values import parse_value
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from obseq.cli.main import main
-from obseq.report import read_json
+from obseq.report.result_file import read_json
 
 DATA = files("obseq.survey") / "data"
 

@@ -8,12 +8,11 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.project.bundle_options import parse_options
 from obseq.project.cameras import read_orientation
 from obseq.project.contents import contents
 from obseq.project.instrument_blocks import read_instrument_block
-from obseq.project.instrument_options import ClinometerOptions
 from obseq.project.layout import ProjectTree
+from obseq.project.options.bundle_options import ClinometerOptions, parse_options
 from obseq.project.rigid_blocks import pose_tree, read_block
 from obseq.project.tree import data_text, read_tree, tree_text
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
+from obseq.project.options.spelling import IDLE, in_our_words
+from obseq.project.options.spellings import BY_NAME, SPELLINGS
 from obseq.project.points import read_control_points, read_definition, read_system
-from obseq.project.spelling import IDLE, in_our_words
-from obseq.project.spellings import BY_NAME, SPELLINGS
 from obseq.project.topo import read_topo
 
 TREE = Path("MMVII-PhgrProj")

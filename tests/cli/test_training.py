@@ -22,7 +22,7 @@ from obseq.project import (
     read_system,
     read_topo,
 )
-from obseq.project.spellings import BY_NAME
+from obseq.project.options.spellings import BY_NAME
 
 ROOT = Path(__file__).parents[2]
 TREE = Path("MMVII-PhgrProj")

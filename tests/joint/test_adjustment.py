@@ -114,7 +114,7 @@ def site(truth: Truth, tmp_path_factory) -> Site:
     pillars = make_points(list(known), np.array(list(known.values())), np.full((3, 3), KNOWN))
     book = read_obs([path])
     from obseq import crs
-    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.equations.frame import Frame
 
     system = crs.parse("Local")
     completed, numbered = join(pillars, book)

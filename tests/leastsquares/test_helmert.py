@@ -14,7 +14,7 @@ from obseq.formulas.blocks import Length, Point3, norm
 from obseq.leastsquares import LeastSquares, solve_in_blocks
 from obseq.leastsquares.helmert.cutting import cut, homes
 from obseq.survey import Network
-from obseq.survey.adjustment.equations import Equations
+from obseq.survey.equations.equations import Equations
 
 
 def network(n=12):

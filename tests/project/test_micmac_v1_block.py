@@ -5,7 +5,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.project import read_v1_block
-from obseq.project.micmac_v1_block import read_v1_points
+from obseq.project.micmac_v1 import read_v1_points
 
 ORIENTATION = """<ExportAPERO><OrientationConique>
 <FileInterne>Ori-X/AutoCal.xml</FileInterne><ConvOri><KnownConv>eConvApero_DistM2C</KnownConv></ConvOri>

@@ -5,11 +5,10 @@ What moves by an imaginary 1e-30 carries its derivative along, exact to rounding
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pyproj
-
-from obseq.cached import cached_property
 
 EQUATOR, SQUARED = 6378137.0, 0.0066943799901413165  # WGS 84
 ROUNDED = 0.00669438  # e2 in the radius of curvature of MMVII and Comp3D

@@ -135,7 +135,7 @@ def compared(case, network, found, adjustment):
     if not adjustment.converged:
         verdict.said = f"not converged: {solution.ending}"
     elif adjustment.left_out:
-        verdict.said = f"left out: {adjustment.left_out[0].sentence()[:200]}"
+        verdict.said = f"left out: {adjustment.left_out[0].sentence[:200]}"
     elif solution.redundancy != found.freedom:
         verdict.said = f"redundancy {solution.redundancy}, not {found.freedom}"
     rows = [found.names[name] for name in adjustment.points.names if name in found.names]

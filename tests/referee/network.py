@@ -1,11 +1,10 @@
 """A network as the referee sees it: points, observations, set-ups, and its unknowns where they start."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from referee.earth import MEAN_RADIUS, Frame, System, norm
-
-from obseq.cached import cached_property
 
 TINY = 1e-30
 ALIKE = 1e-5  # of the largest: what a motion that others make up leaves of itself

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from obseq.report import page, read_json, to_json
+from obseq.report.page import page
+from obseq.report.result_file import read_json, to_json
 from obseq.survey import Network, Quality
 
 STROKE = 20

@@ -5,7 +5,7 @@ from importlib.resources import files
 import browsing
 import pytest
 
-from obseq.report import page
+from obseq.report.page import page
 from obseq.survey import Datum, Network
 
 

@@ -10,7 +10,8 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from obseq.report import page, read_json, to_json
+from obseq.report.page import page
+from obseq.report.result_file import read_json, to_json
 from obseq.survey import Datum, Network, Quality
 
 EVERYTHING = Quality(relative=True, ellipses=0.95, ellipsoids=True, effects=True, inner=True)

@@ -1,4 +1,4 @@
-from obseq.report import listing
+from obseq.report.listing import listing
 
 
 def test_every_point_station_and_observation_is_listed(record) -> None:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from obseq.records.shown_units import ShownUnits
-from obseq.report import page
 from obseq.report.packed import packed
-from obseq.report.page import MOST_OBSERVATIONS
+from obseq.report.page import MOST_OBSERVATIONS, page
 from obseq.report.said import length, name, small
 from obseq.report.said import plain as said
 from obseq.report.units import Units

@@ -5,7 +5,7 @@ import pytest
 from msgspec.structs import replace
 
 from obseq.errors import InputError
-from obseq.report import read_json, to_json
+from obseq.report.result_file import read_json, to_json
 
 
 def test_numbers_are_exact_and_come_back(record, plain, tmp_path) -> None:

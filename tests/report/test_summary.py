@@ -1,7 +1,7 @@
 import pytest
 
 from obseq.errors import InputError
-from obseq.report import summary
+from obseq.report.summary import summary
 
 LINES = 30
 

@@ -16,8 +16,8 @@ from obseq.formats.columns import Columns, Measure
 from obseq.leastsquares.assembly.evaluation import jacobian_rows, raw_residuals
 from obseq.stopwatch import Stopwatch
 from obseq.survey import KINDS
-from obseq.survey.adjustment.equations import Equations
-from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.equations.equations import Equations
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.kinds.axes import axis_of
 from obseq.survey.kinds.registry import BY_NAME, FAMILIES

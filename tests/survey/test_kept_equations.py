@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from obseq.survey import Network, initial_values
-from obseq.survey.adjustment import kept_equations
-from obseq.survey.adjustment.equations import Equations
-from obseq.survey.adjustment.kept_equations import KeptEquations
+from obseq.survey.equations import kept_equations
+from obseq.survey.equations.equations import Equations
+from obseq.survey.equations.kept_equations import KeptEquations
 from obseq.survey.initial.left_out import Determined
 
 DATA = files("obseq") / "survey" / "data"

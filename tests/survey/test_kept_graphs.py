@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from obseq.survey import Network, initial_values
-from obseq.survey.initial import kept_graphs
 from obseq.survey.initial.initial_values import values_by
-from obseq.survey.initial.kept_graphs import Graphs
+from obseq.survey.sights import kept_graphs
+from obseq.survey.sights.kept_graphs import Graphs
 
 DATA = files("obseq") / "survey" / "data"
 

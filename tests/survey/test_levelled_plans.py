@@ -6,7 +6,7 @@ import json
 import pytest
 
 from obseq.cli.main import main
-from obseq.report import read_json
+from obseq.report.result_file import read_json
 
 LINES = ("A B 1.001", "B C 2.002", "C A -3.000")
 GAMA = """<?xml version="1.0" ?>

@@ -10,9 +10,9 @@ import pytest
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.formats import write_sinex
-from obseq.report import read_json
 from obseq.report.comparison import comparison_csv
 from obseq.report.listing import listing
+from obseq.report.result_file import read_json
 from obseq.survey import Network, compare
 from obseq.survey.planning.design import plan
 

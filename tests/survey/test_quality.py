@@ -10,7 +10,10 @@ import pytest
 from scipy import special
 
 from obseq.errors import InputError
-from obseq.report import listing, page, read_json, summary, to_json
+from obseq.report.listing import listing
+from obseq.report.page import page
+from obseq.report.result_file import read_json, to_json
+from obseq.report.summary import summary
 from obseq.survey import Network, Quality
 
 KNOWN = {"A": (0, 0, 0), "B": (100, 0, 2), "C": (90, 80, -3), "D": (-10, 70, 1)}

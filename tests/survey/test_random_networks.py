@@ -3,6 +3,8 @@
 The referee itself gives what MMVII and its documentation give.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from referee.adjusted import adjust
@@ -36,6 +38,12 @@ def test_stations_that_a_search_for_errors_has_placed_stand_upright(tmp_path):
     verdict = judge(case(197), tmp_path)
     assert verdict.said == ""
     assert verdict.worst() <= 1.0, verdict
+
+
+def test_the_referee_uses_nothing_of_what_it_judges():
+    folder = Path(__file__).parents[1] / "referee"
+    users = {path.name for path in folder.glob("*.py") if "obseq" in path.read_text("utf-8")}
+    assert users == {"judged.py", "judged_blocks.py"}  # the boundary
 
 
 def test_the_referee_gives_the_numbers_of_mmvii():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from test_dynadjust import network
 
-from obseq.report import summary
+from obseq.report.summary import summary
 from obseq.survey import Quality
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from obseq import crs
-from obseq.survey.adjustment.frame import Frame
+from obseq.survey.equations.frame import Frame
 
 FRAME = Frame(crs.parse("RTL*2.4*48.8*100*EPSG:4326"))
 PLACES = np.array([[0.0, 0.0, 0.0], [5000.0, -300.0, 40.0], [-70.0, 20000.0, 900.0]])

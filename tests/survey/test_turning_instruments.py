@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.survey import Datum, Network, Quality, estimating, network_from_tables
-from obseq.survey.adjustment.equations import Equations
-from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.equations.equations import Equations
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.model import Orientation
 from obseq.survey.planning.simulation import Simulation

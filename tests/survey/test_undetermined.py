@@ -6,7 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from obseq.report import listing, page, read_json, to_json
+from obseq.report.listing import listing
+from obseq.report.page import page
+from obseq.report.result_file import read_json, to_json
 from obseq.survey import Datum, Network, network_from_tables
 
 CORNERS = {"A": (0.0, 0.0, 0.0), "B": (60.0, 0.0, 0.0), "C": (100.0, 0.0, 0.0), "D": (40.0, 30.0, 30.0)}

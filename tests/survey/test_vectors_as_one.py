@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from obseq.crs import parse
-from obseq.report import listing, summary
 from obseq.report.content import numbers_of, tables
+from obseq.report.listing import listing
+from obseq.report.summary import summary
 from obseq.report.verdict import Verdict
 from obseq.survey import Network, Quality
 

@@ -7,9 +7,9 @@ import pytest
 from sketch import A, B, C, P, Sketch
 
 from obseq.survey import join, make_points, read_obs
-from obseq.survey.initial.graph_building import build_graph
-from obseq.survey.initial.ways import PlumbWays, Views, find_ways
 from obseq.survey.model import automatic_fix
+from obseq.survey.sights.graph_building import build_graph
+from obseq.survey.sights.ways import PlumbWays, Views, find_ways
 
 SIGMA = 0.001
 ANGLE = SIGMA * math.pi / 200.0

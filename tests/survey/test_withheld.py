@@ -5,7 +5,7 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import SingularSystemError
-from obseq.report import read_json
+from obseq.report.result_file import read_json
 from obseq.survey import Network, network_from_tables
 
 POINTS = {

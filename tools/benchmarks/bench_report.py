@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import make_network
 import numpy as np
 
-from obseq.report import page
+from obseq.report.page import page
 from obseq.survey import Network
 
 if TYPE_CHECKING:

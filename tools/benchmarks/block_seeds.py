@@ -40,8 +40,7 @@ from obseq.project import (
     read_v1_block,
     rules_text,
 )
-from obseq.project.instrument_blocks import read_instrument_block
-from obseq.project.instrument_readings import read_clinometer_readings
+from obseq.project.instrument_blocks import read_clinometer_readings, read_instrument_block
 from obseq.project.metadata import Rules
 from obseq.project.rigid_blocks import pose_tree
 from obseq.project.tie_points import read_pairs

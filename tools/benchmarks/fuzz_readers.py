@@ -27,7 +27,10 @@ from pathlib import Path
 
 from obseq.errors import ObseqError
 from obseq.records.adjustment import AdjustmentRecord
-from obseq.report import listing, page, summary, to_json
+from obseq.report.listing import listing
+from obseq.report.page import page
+from obseq.report.result_file import to_json
+from obseq.report.summary import summary
 from obseq.survey import Network, PointFileOptions
 
 PATIENCE = 30

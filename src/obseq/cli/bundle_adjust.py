@@ -52,8 +52,8 @@ def register(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
-    from obseq.project.bundle_options import parse_options
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import parse_options
 
     options, tree = parse_options(arguments.options), ProjectTree.at(arguments.project)
     reports = [path for path in (arguments.json, arguments.html, arguments.ply) if path]

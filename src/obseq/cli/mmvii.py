@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from obseq.project.spelling import Spelling
+    from obseq.project.options.spelling import Spelling
 
 HELP = ("-help", "-Help", "--help", "-h", "help", "Help")
 MORE = """
@@ -54,7 +54,7 @@ def as_mmvii(words: Sequence[str], run_ours: Callable[[Sequence[str]], int]) -> 
 
 def in_our_words(words: Sequence[str]) -> list[str]:
     """Our words for those that MMVII's users type; none where they ask for help, which is printed."""
-    from obseq.project.spelling import IDLE, in_our_words
+    from obseq.project.options.spelling import IDLE, in_our_words
 
     if not words or words[0] in HELP:
         print(listing(), end="")
@@ -74,7 +74,7 @@ def in_our_words(words: Sequence[str]) -> list[str]:
 
 def listing() -> str:
     """All commands, with a line each."""
-    from obseq.project.spellings import SPELLINGS
+    from obseq.project.options.spellings import SPELLINGS
 
     width = max(len(spelling.name) for spelling in SPELLINGS)
     return "".join(f"{spelling.name:<{width}}  {spelling.about}\n" for spelling in SPELLINGS)
@@ -82,7 +82,7 @@ def listing() -> str:
 
 def explained(spelling: Spelling, *, with_example: bool) -> str:
     """The arguments and options of a command."""
-    from obseq.project.spelling import IDLE, usage
+    from obseq.project.options.spelling import IDLE, usage
 
     lines = [f"{spelling.name} {spelling.about}", "", *usage(spelling).splitlines()]
     width = max((len(option.name) for option in spelling.options), default=0)
@@ -100,7 +100,7 @@ def _named(name: str) -> Spelling:
     Raises:
         InputError: there is none; the nearest is told.
     """
-    from obseq.project.spellings import BY_NAME
+    from obseq.project.options.spellings import BY_NAME
 
     if name in BY_NAME:
         return BY_NAME[name]

@@ -77,8 +77,8 @@ def register(commands: Commands) -> None:
 
 
 def _create_calibrations(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
-    from obseq.project.camera_bodies import initial_camera
     from obseq.project.cameras import calibration_text
+    from obseq.project.metadata import initial_camera
     from obseq.targets.pictures import picture_size
 
     rules = tree.rules(arguments.metadata)

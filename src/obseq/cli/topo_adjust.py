@@ -12,8 +12,8 @@ from obseq.errors import InputError
 from obseq.writing import check_writable
 
 if TYPE_CHECKING:
-    from obseq.project.bundle_options import BundleOptions
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import BundleOptions
     from obseq.survey import Adjustment
 
 MORE = """
@@ -46,8 +46,8 @@ def register(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
-    from obseq.project.bundle_options import TOPO, parse_options
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import TOPO, parse_options
 
     options, tree = parse_options(arguments.options, TOPO), ProjectTree.at(arguments.project)
     outputs = outputs_of(arguments)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from concurrent.futures import ThreadPoolExecutor
 from threading import RLock
 from typing import TYPE_CHECKING
 
@@ -92,6 +91,8 @@ def _completed(work: Callable[[], int]) -> int:
     The import of a compiler that ends half-way is of no use to the process any more. An interruption is
     raised when the work is done.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(work).result()
 

@@ -18,7 +18,6 @@ on.
 
 from __future__ import annotations
 
-import tomllib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
@@ -260,6 +259,8 @@ def read_stochastic(path: str | Path) -> StochasticModel:
     Raises:
         InputError: The file is no TOML, or a name or a value is not known; it is named.
     """
+    import tomllib
+
     text = "\n".join(read_text(path).lines)
     try:
         given = tomllib.loads(text)

@@ -1,6 +1,4 @@
 from .assembly import assembled as assembled
-from .bundle_options import BundleOptions as BundleOptions
-from .bundle_options import parse_options as parse_options
 from .cameras import calibration_text as calibration_text
 from .cameras import pose_text as pose_text
 from .cameras import read_calibration as read_calibration
@@ -14,8 +12,10 @@ from .metadata import names_text as names_text
 from .metadata import read_names as read_names
 from .metadata import read_rules as read_rules
 from .metadata import rules_text as rules_text
+from .micmac_v1 import read_v1_block as read_v1_block
 from .micmac_v1 import read_v1_orientation as read_v1_orientation
-from .micmac_v1_block import read_v1_block as read_v1_block
+from .options.bundle_options import BundleOptions as BundleOptions
+from .options.bundle_options import parse_options as parse_options
 from .points import measures_text as measures_text
 from .points import points_text as points_text
 from .points import read_control_points as read_control_points

@@ -21,6 +21,7 @@ from obseq.project.rigid_blocks import read_block
 from obseq.project.systems import differ, require_one
 from obseq.project.tie_points import read_tracks
 from obseq.project.topo import read_topo
+from obseq.project.tree import files_in
 from obseq.reading.origin import Origin
 from obseq.survey import make_points, merge_points, read_cor
 
@@ -28,9 +29,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from obseq.images import ControlPoints, ImagePoints
-    from obseq.project.bundle_options import BundleOptions, Set2D
-    from obseq.project.instrument_options import InstrumentOptions
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import BundleOptions, InstrumentOptions, Set2D
     from obseq.survey import FieldBook, Points
 
 UNCODED = "NONE"
@@ -186,7 +186,7 @@ def _add_rules(block: BundleAdjustment, tree: ProjectTree, options: BundleOption
 def block_files(tree: ProjectTree, options: BundleOptions) -> list[Path]:
     """The files of the rigid blocks that the options name."""
     folder = tree.folder("RigBlock", options.rigid_folder or "Std")
-    paths = sorted(path for path in folder.glob("RigidBloc_*") if path.suffix in (".xml", ".json"))
+    paths = files_in(folder, "RigidBloc_")
     if not paths:
         raise InputError(f"{folder}: holds no rigid block (RigidBloc_*.xml)")
     return paths
@@ -195,7 +195,7 @@ def block_files(tree: ProjectTree, options: BundleOptions) -> list[Path]:
 def instrument_file(tree: ProjectTree, given: InstrumentOptions) -> Path:
     """The file of the instrument block that `BOI` names, or the only one of its folder."""
     folder = tree.folder("InstrBlock", given.folder)
-    paths = sorted(path for path in folder.glob(f"{FILE}*") if path.suffix in (".xml", ".json"))
+    paths = files_in(folder, FILE)
     found = [path for path in paths if not given.block or path.stem == FILE + given.block]
     if len(found) != 1:
         listed = ", ".join(path.stem.removeprefix(FILE) for path in paths) or "none"

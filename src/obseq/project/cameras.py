@@ -12,7 +12,7 @@ from obseq.geometry import RigidMotion, attitudes
 from obseq.images import Camera, Poses
 from obseq.images.names import unique_names
 from obseq.project.rigid_blocks import is_rotation
-from obseq.project.tree import Reader, merged, read_tree, tree_text
+from obseq.project.tree import Reader, file_in, files_in, merged, read_tree, tree_text
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
@@ -123,10 +123,8 @@ def calibration_source(folder: str | Path, name: str) -> Tree | None:
 
 def _source(folder: str | Path, stem: str, tag: str) -> Tree | None:
     """What stands under a tag in a file of a folder, XML or JSON; None where there is none."""
-    for ending in ("xml", "json"):
-        if (path := Path(folder) / f"{stem}.{ending}").is_file():
-            return read_tree(path).get(tag)
-    return None
+    path = file_in(folder, stem)
+    return None if path is None else read_tree(path).get(tag)
 
 
 def read_pose(path: str | Path) -> tuple[str, str, RigidMotion]:
@@ -252,7 +250,7 @@ def read_first_calibration(folder: Path, names: Sequence[str], image: str) -> Ca
         InputError: if none is there; the image that needs it, and the first name, are named.
     """
     for name in names[1:]:
-        if any((folder / f"{name}.{ending}").is_file() for ending in ("xml", "json")):
+        if file_in(folder, name):
             return read_calibration_of(folder, name, image)
     return read_calibration_of(folder, names[0], image)
 
@@ -269,23 +267,21 @@ def read_calibration_of(folder: Path, name: str, image: str) -> Camera:
 def _pose_files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder of orientations")
-    found = sorted(path for path in folder.glob(f"{POSE_PREFIX}*") if path.suffix in (".xml", ".json"))
+    found = files_in(folder, POSE_PREFIX)
     if not found:
         raise InputError(f"{folder}: holds no pose ({POSE_PREFIX}<image>.xml or .json)")
     return found
 
 
 def _pose_file(folder: Path, image: str) -> Path:
-    for ending in ("xml", "json"):
-        if (path := folder / f"{POSE_PREFIX}{image}.{ending}").is_file():
-            return path
+    if path := file_in(folder, f"{POSE_PREFIX}{image}"):
+        return path
     raise InputError(f"{folder}: there is no pose of the image {image} ({POSE_PREFIX}{image}.xml)")
 
 
 def _calibration_file(folder: Path, name: str, image: str) -> Path:
-    for ending in ("xml", "json"):
-        if (path := folder / f"{name}.{ending}").is_file():
-            return path
+    if path := file_in(folder, name):
+        return path
     raise InputError(f"{folder}: the image {image} needs the calibration {name}.xml, which is not there")
 
 

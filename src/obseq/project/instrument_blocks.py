@@ -12,9 +12,10 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.images.names import unique_names
 from obseq.project.metadata import read_names
 from obseq.project.rigid_blocks import read_pose_fields
-from obseq.project.tree import Reader, pairs, read_tree
+from obseq.project.tree import Reader, file_in, pairs, read_tree
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -225,3 +226,56 @@ def _require_known(found: InstrumentBlock) -> None:
         if lost:
             what = "camera" if known is cameras else "clinometer"
             raise InputError(f"{found.path}: {where} names {min(lost)}, which is no {what} of the block")
+
+
+READINGS = "ClinoMeasures"
+
+
+@dataclass(frozen=True, eq=False)
+class ClinometerReadings:
+    """What clinometers read, exposure by exposure.
+
+    Attributes:
+        path: of the file.
+        names: (k,) of the clinometers.
+        exposures: (n,) identifiers.
+        angles: (n, k) radians.
+        sigmas: (n, k) radians; NaN where the file gives none.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    exposures: tuple[str, ...]
+    angles: FloatArray
+    sigmas: FloatArray
+
+
+def read_clinometer_readings(folder: Path) -> ClinometerReadings:
+    """The readings of a folder of `MeasureClino`.
+
+    Raises:
+        InputError: with file and field.
+    """
+    path = file_in(folder, READINGS)
+    if path is None:
+        raise InputError(f"{folder}: holds no readings of clinometers ({READINGS}.xml)")
+    whole = Reader(read_tree(path), str(path))
+    names = tuple(name for name in whole.list("NamesClino") if isinstance(name, str))
+    rows = [Reader(one, f"{path}: SetMeasures") for one in whole.list("SetMeasures")]
+    exposures = tuple(row.text("Ident") for row in rows)
+    unique_names(names, f"{path}: clinometer")
+    unique_names(exposures, f"{path}: exposure")
+    if not rows or not names:
+        raise InputError(f"{path}: holds no readings")
+    angles = np.array([_numbers(row, "Angles", len(names)) for row in rows])
+    missing = (float("nan"),) * len(names)
+    sigmas = [_numbers(row, "Sigmas", len(names)) if row.has("Sigmas") else missing for row in rows]
+    return ClinometerReadings(path, names, exposures, angles, np.array(sigmas))
+
+
+def _numbers(row: Reader, name: str, count: int) -> tuple[float, ...]:
+    found = row.series(name)
+    if len(found) != count:
+        exposure = row.text("Ident")
+        raise InputError(f"{row.where}: {exposure}: {name} has {len(found)} numbers for {count} clinometers")
+    return tuple(map(float, found))

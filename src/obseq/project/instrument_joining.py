@@ -9,7 +9,7 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.images import Clinometer, Exposures, Poses, RigidBlock
 from obseq.images.names import numbered
-from obseq.project.instrument_readings import read_clinometer_readings
+from obseq.project.instrument_blocks import read_clinometer_readings
 from obseq.project.metadata import whole_match
 
 if TYPE_CHECKING:
@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from obseq.geometry import RigidMotion
     from obseq.images import BundleAdjustment
     from obseq.images.rigid import Gauge, Sigmas
-    from obseq.project.instrument_blocks import InstrumentBlock, InstrumentCamera
-    from obseq.project.instrument_options import ClinometerOptions, InstrumentOptions
-    from obseq.project.instrument_readings import ClinometerReadings
+    from obseq.project.instrument_blocks import ClinometerReadings, InstrumentBlock, InstrumentCamera
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import ClinometerOptions, InstrumentOptions
 
 ENTRIES = 2.0**0.5
 """Sigma of the entries of a rotation matrix over that of an angle."""

@@ -9,11 +9,11 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.metadata import MODES, Rules, chosen, read_names, read_rules
 from obseq.project.points import MEASURES_PREFIX, read_definition
+from obseq.project.tree import ENDINGS, file_in, files_in
 
 TREE = "MMVII-PhgrProj"
 SYSTEMS = "SysCo"
 MEASURES, POINTS, OLD = "ObjMesInstr", "ObjCoordWorld", "PointsMeasure"
-ENDINGS = (".xml", ".json")
 
 
 @dataclass(frozen=True)
@@ -73,19 +73,15 @@ class ProjectTree:
     def metadata(self, name: str) -> tuple[Path, Rules]:
         """The file of the metadata rules of a folder, and the rules: none where there is no file yet."""
         folder = self.folder("MetaData", name)
-        for ending in ENDINGS:
-            if (path := folder / f"CalcMTD{ending}").is_file():
-                return path, read_rules(path)
+        if path := file_in(folder, "CalcMTD"):
+            return path, read_rules(path)
         path = folder / f"CalcMTD{ENDINGS[0]}"
         return path, Rules(dict.fromkeys(MODES, ()), str(path))
 
     def system(self, word: str) -> str:
         """The definition of a coordinate system, which may be the name of a file of ``SysCo``."""
-        for ending in ENDINGS:
-            path = self.root / TREE / SYSTEMS / f"{word}{ending}"
-            if "/" not in word and path.is_file():
-                return read_definition(path)
-        return word
+        path = None if "/" in word else file_in(self.root / TREE / SYSTEMS, word)
+        return word if path is None else read_definition(path)
 
     def images(self, selection: str, measures: Path | None = None) -> list[str]:
         """Names of the images that have measures and are in a list, or match a pattern as a whole.
@@ -155,8 +151,4 @@ def give_old_names(root: Path) -> None:
 
 def _measured(folder: Path) -> list[str]:
     """Names of the images that have measures in a folder."""
-    return sorted(
-        path.name[len(MEASURES_PREFIX) : -len(path.suffix)]
-        for path in folder.glob(f"{MEASURES_PREFIX}*")
-        if path.suffix in ENDINGS
-    )
+    return sorted(path.stem[len(MEASURES_PREFIX) :] for path in files_in(folder, MEASURES_PREFIX))

@@ -22,14 +22,14 @@ from obseq.project.points import (
     system_text,
 )
 from obseq.survey import Network, Points, join, make_points
-from obseq.survey.adjustment.frame import Frame
+from obseq.survey.equations.frame import Frame
 from obseq.survey.model import CoordinateCovariance
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from obseq.project.bundle_options import BundleOptions, Set3D
     from obseq.project.layout import ProjectTree
+    from obseq.project.options.bundle_options import BundleOptions, Set3D
     from obseq.project.tree import Tree
     from obseq.survey import Adjustment, FieldBook
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from obseq.printable import listed
 from obseq.records.record import Record
+
+_MOST_LABELS = 4
+"""Observations that a sentence names."""
 
 
 class EllipseRecord(Record, frozen=True):
@@ -280,6 +284,12 @@ class LeftOutRecord(Record, frozen=True, omit_defaults=False):
     place: tuple[float, ...] | None = None
     directions: tuple[tuple[float, ...], ...] | None = None
 
+    @property
+    def sentence(self) -> str:
+        """What is left out, with which observations, and why."""
+        shown = listed(self.observations, _MOST_LABELS)
+        return f"{self.what} is left out, with its observations ({shown or 'none'}): {self.reason}"
+
 
 class UnusedRecord(Record, frozen=True):
     """Observations of a file that take no part, and that the file does not switch off itself.
@@ -309,6 +319,21 @@ class DoubtfulRecord(Record, frozen=True):
     sight: float
     circle: tuple[str, ...] = ()
 
+    @property
+    def sentence(self) -> str:
+        """What is wrong, and what to do."""
+        advice = "do not use it, but observe it more, or hold that coordinate"
+        if self.circle:
+            advice = (
+                f"{', '.join(self.circle)} and {self.name} lie on one circle, nearly (danger circle): "
+                "directions to them fit everywhere on it; do not use it, but add a point off the circle, or "
+                "a distance"
+            )
+        return (
+            f"point {self.name}: its {self.axis} has a standard deviation of {self.sigma:.4g} m, and its "
+            f"nearest sight {self.sight:.4g} m: the observations say next to nothing of it; {advice}"
+        )
+
 
 class ReplacedRecord(Record, frozen=True, omit_defaults=False):
     """Approximate coordinates that observations contradict, and that were not used.
@@ -325,3 +350,12 @@ class ReplacedRecord(Record, frozen=True, omit_defaults=False):
     given: tuple[float, ...]
     used: tuple[float, ...]
     moved: float
+
+    @property
+    def sentence(self) -> str:
+        """Which approximation was replaced, by what."""
+        given, used = (", ".join(f"{value:.3f}" for value in xyz) for xyz in (self.given, self.used))
+        return (
+            f"point {self.name} ({self.place}): its approximate coordinates ({given}) are {self.moved:.3g} m "
+            f"from where its observations place it; they were replaced by ({used})"
+        )

@@ -4,9 +4,6 @@ from collections.abc import Callable
 
 from obseq.dataclass import dataclass
 from obseq.records.adjustment import AdjustmentRecord
-from obseq.report.listing import listing
-from obseq.report.page import page
-from obseq.report.result_file import to_json
 
 
 @dataclass(frozen=True)
@@ -26,8 +23,26 @@ class Format:
     write: Callable[[AdjustmentRecord], str]
 
 
+def _result_file(record: AdjustmentRecord) -> str:
+    from obseq.report.result_file import to_json
+
+    return to_json(record)
+
+
+def _page(record: AdjustmentRecord) -> str:
+    from obseq.report.page import page
+
+    return page(record)
+
+
+def _listing(record: AdjustmentRecord) -> str:
+    from obseq.report.listing import listing
+
+    return listing(record)
+
+
 FORMATS = (
-    Format("json", ".json", "every result at full precision, for programs", to_json),
-    Format("html", ".html", "a page with a plan of the network", page),
-    Format("text", ".txt", "a complete listing", listing),
+    Format("json", ".json", "every result at full precision, for programs", _result_file),
+    Format("html", ".html", "a page with a plan of the network", _page),
+    Format("text", ".txt", "a complete listing", _listing),
 )

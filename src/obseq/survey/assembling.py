@@ -10,8 +10,8 @@ import numpy as np
 from obseq import crs
 from obseq.errors import InputError
 from obseq.survey import files
-from obseq.survey.adjustment.frame import Frame, area_warning, frame_of
-from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.equations.frame import Frame, area_warning, frame_of
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.plan_only import with_heights_of_site
 
 if TYPE_CHECKING:

@@ -15,22 +15,26 @@ from obseq.diagnosis.policy import POLICY
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.shown_units import METRIC, ShownUnits
-from obseq.survey.adjustment.checks import check_counts, check_datum, check_sights
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
 from obseq.survey.adjustment.first_places import with_barycentres, with_first_places
-from obseq.survey.adjustment.loose_scale import check_scales
-from obseq.survey.adjustment.plumb import Plumb
-from obseq.survey.adjustment.point_system import PointSystem
-from obseq.survey.adjustment.singular_words import free_motions_in_words
+from obseq.survey.adjustment.singular import (
+    check_counts,
+    check_datum,
+    check_scales,
+    check_sights,
+    free_motions_in_words,
+)
 from obseq.survey.diagnosing.diagnosis import record_of
 from obseq.survey.diagnosing.network_model import NetworkModel, started
 from obseq.survey.diagnosing.snooping import Snooped, snooped, snooping_record
+from obseq.survey.equations.plumb import Plumb
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues, values_by
-from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.initial.rivals import Choice
 from obseq.survey.model import join
+from obseq.survey.sights.kept_graphs import Graphs
 
 if TYPE_CHECKING:
     from obseq import crs
@@ -40,8 +44,8 @@ if TYPE_CHECKING:
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation, Computed
     from obseq.survey.adjustment.datum import Datum
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
 _DIAGNOSIS = "the diagnosis"
@@ -190,7 +194,7 @@ class Fieldwork:
         more = tuple(item for item in adjustment.left_out if item.what not in told_before)
         return replace(
             adjustment,
-            warnings=(*told, *(item.sentence() for item in more), *before.warnings),
+            warnings=(*told, *(item.sentence for item in more), *before.warnings),
             left_out=(*before.left_out, *more),
             replaced=before.replaced,
             diagnosis=before.diagnosis if before.gross_errors else adjustment.diagnosis,

@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
-from obseq.survey.adjustment.frame import RTL_HINT
+from obseq.survey.equations.frame import RTL_HINT
 from obseq.survey.kinds.registry import among, codes_where
 
 if TYPE_CHECKING:

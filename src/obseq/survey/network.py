@@ -27,8 +27,7 @@ from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
-from obseq.survey.adjustment.drawing import network_html, network_text
-from obseq.survey.adjustment.frame import Frame
+from obseq.survey.adjustment.plotting import network_html, network_text
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.assembling import deflected, in_frame
 from obseq.survey.by_name import robust
@@ -36,6 +35,7 @@ from obseq.survey.checks.both_faces import MEAN, reduced_faces
 from obseq.survey.checks.implausible_sigmas import implausible_sigmas
 from obseq.survey.checks.repetitions import repetitions
 from obseq.survey.edited import Edited
+from obseq.survey.equations.frame import Frame
 from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.own_frame import placed_in_own_frame
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from obseq.records.shown_units import ShownUnits
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.model import FieldBook, Points
 
 MAX_ITERATIONS = 25

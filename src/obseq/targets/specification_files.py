@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.project.tree import Reader, read_tree, tree_text
-from obseq.project.xml_elements import root_of
+from obseq.project.tree import Reader, read_tree, root_of, tree_text
 from obseq.reading.text import read_bytes
 from obseq.targets.codes import bits_of, members
 from obseq.targets.drawings import bit_centres, centre, corners

@@ -9,7 +9,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.adjustment.equations import Equations
+from obseq.survey.equations.equations import Equations
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:

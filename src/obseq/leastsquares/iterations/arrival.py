@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.problem.batches import Batch
+    from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 EPS = float(np.finfo(np.float64).eps)
@@ -44,6 +45,9 @@ DIGITS = 4.0
 
 SHARES = (0.1, 0.01, 0.001)
 """Shares of a step along which rounding is told from what bends."""
+
+LONG = (1.0, 0.618, 0.382)
+"""Shares of a step that is as long as is negligible: so far apart that chance is not the same on them."""
 
 FALLING = 1e-6, 1e-2
 """Shares of what was found along a step ten times as long between which that was a bend.
@@ -126,11 +130,6 @@ class Arrival:
         may_be = small and self._may_be_rounding(step, length, unit)
         return may_be and self._is_within_roughness(step, length, unit)
 
-    def rounding(self, step: FloatArray, length: float, cost: float, redundancy: int) -> Iterator[FloatArray]:
-        """(m,) rounding of each weighted residual along a step of a length, and along a longer one."""
-        for way in _ways(step, length, self.unit(cost, redundancy)):
-            yield rounding_along(self._equations, way)
-
     def _may_be_rounding(self, step: FloatArray, length: float, unit: float) -> bool:
         """Whether no unknown moves beyond its last digits, by a step that is not short anyway.
 
@@ -156,13 +155,15 @@ class Arrival:
 
 
 def _ways(step: FloatArray, length: float, unit: float) -> Iterator[FloatArray]:
-    """A step, and one as long as is negligible: along these rounding is looked for.
+    """A step, and some nearly as long as is negligible: along these rounding is looked for.
 
-    A residual that has few digits, such as a latitude in radians, does not change at all on a short way.
+    A residual that has few digits, such as a latitude in radians, does not change at all on a short way, and
+    on a longer one four places may agree by chance.
     """
     yield step
     if 0.0 < length < NEGLIGIBLE * unit:
-        yield step * (NEGLIGIBLE * unit / length)
+        for share in LONG:
+            yield step * (share * NEGLIGIBLE * unit / length)
 
 
 def resolution(table: UnknownTable, weights: FloatArray) -> float:
@@ -186,36 +187,56 @@ def sizes_of(table: UnknownTable) -> FloatArray:
 
 
 def is_balanced(equations: NormalEquations) -> bool:
-    """Whether the gradient is made of the rounding of the residuals, for each unknown.
-
-    A residual with derivatives a is rounded by about eps |a| |x|, x the unknowns that it has.
-    """
-    table, sizes = equations.table, np.abs(sizes_of(equations.table))
-    pulls, noise = np.zeros(table.n_scalars), np.zeros(table.n_scalars)
+    """Whether the gradient is made of the rounding of the residuals, for each unknown."""
+    table = equations.table
+    pulls, noise = np.zeros((2, table.n_scalars))
     for prior in equations.priors:
         weights = np.square(prior.weights)
-        digits = np.maximum(sizes[prior.scalars], np.abs(prior.values))
         np.add.at(pulls, prior.scalars, prior.residuals(table.values) * weights)
-        np.add.at(noise, prior.scalars, np.square(digits * weights))
+        np.add.at(noise, prior.scalars, np.square(_digits_of(table, prior) * weights))
     for batch in equations.batches:
         if batch.clusters is not None:
             return False
-        _add_pulls(table, batch, sizes, pulls, noise)
+        scalars = batch.scalars()
+        for residual, weight, derivatives, digits in _rounded(table, batch):
+            np.add.at(pulls, scalars, derivatives * (weight * residual))
+            np.add.at(noise, scalars, np.square(derivatives * (weight * digits)))
     return bool((np.abs(pulls) <= DIGITS * EPS * np.sqrt(noise))[~table.frozen].all())
 
 
-def _add_pulls(
-    table: UnknownTable, batch: Batch, sizes: FloatArray, pulls: FloatArray, noise: FloatArray
-) -> None:
-    """Adds the part of a batch to the gradient, and the square of its rounding over eps."""
-    m, count, scalars = batch.shape.n_residuals, batch.shape.n_unknowns, batch.scalars()
-    rows = jacobian_rows(table, batch)
+def rounding_of_cost(equations: NormalEquations) -> float:
+    """What the rounding of the residuals makes of the sum of squares; those of clusters are left out."""
+    table, squares = equations.table, 0.0
+    for prior in equations.priors:
+        lost = prior.residuals(table.values) * np.square(prior.weights) * _digits_of(table, prior)
+        squares += float(lost @ lost)
+    for batch in equations.batches:
+        if batch.clusters is None:
+            for residual, weight, _, digits in _rounded(table, batch):
+                lost = weight * residual * digits
+                squares += float(lost @ lost)
+    return 2.0 * DIGITS * EPS * math.sqrt(squares)
+
+
+def _digits_of(table: UnknownTable, prior: Prior) -> FloatArray:
+    """(n,) what the digits of the residuals of a prior are compared with."""
+    return np.maximum(np.abs(sizes_of(table)[prior.scalars]), np.abs(prior.values))
+
+
+def _rounded(
+    table: UnknownTable, batch: Batch
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
+    """Each residual of a batch (n,), its weight (n,), derivatives (n_unknowns, n), rounding over eps (n,).
+
+    A residual with derivatives a is rounded by about eps |a| |x|, x the unknowns that it has.
+    """
+    m, count, sizes = batch.shape.n_residuals, batch.shape.n_unknowns, np.abs(sizes_of(table))
+    rows, own = jacobian_rows(table, batch), sizes[batch.scalars()]
     weights = np.where(batch.active, np.square(batch.weights[:, : batch.n]), 0.0)
     for residual, weight, derivatives in zip(rows[:m], weights, rows[m:].reshape(m, count, -1), strict=True):
-        digits = (np.abs(derivatives) * sizes[scalars]).sum(axis=0)
-        pull, rounding = derivatives * (weight * residual), np.square(derivatives * (weight * digits))
-        np.add.at(pulls, scalars, np.where(weight > 0.0, pull, 0.0))
-        np.add.at(noise, scalars, np.where(weight > 0.0, rounding, 0.0))
+        counts = weight > 0.0
+        residual, derivatives = np.where(counts, residual, 0.0), np.where(counts, derivatives, 0.0)
+        yield residual, weight, derivatives, (np.abs(derivatives) * own).sum(axis=0)
 
 
 def roughness(equations: NormalEquations, step: FloatArray) -> float:

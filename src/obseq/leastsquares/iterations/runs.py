@@ -11,10 +11,8 @@ from obseq.errors import InputError
 from obseq.leastsquares.assembly.linearisation import SolvedLinearisation
 from obseq.leastsquares.iterations.damped_path import DampedPath
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
-from obseq.leastsquares.iterations.dogleg_path import DoglegPath
 from obseq.leastsquares.iterations.gauss_newton import iterate
 from obseq.leastsquares.iterations.newton import factor, newton_step
-from obseq.leastsquares.iterations.stacked_rows import l1_step, lsmr_step, qr_step, stacked_rows
 from obseq.leastsquares.iterations.strategies import Controlled, Dogleg, LevenbergMarquardt
 from obseq.leastsquares.iterations.trust_region import iterate_in_region
 from obseq.leastsquares.solvers.base import BaseSolver
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.iterations.gauss_newton import Progress
-    from obseq.leastsquares.iterations.stacked_rows import StackedRows
     from obseq.leastsquares.iterations.strategies import Strategy
     from obseq.leastsquares.solution.result import Iteration
     from obseq.leastsquares.solvers import Solver
@@ -38,12 +35,12 @@ Iterations: TypeAlias = (
 )
 """(options, redundancy, before, progress) -> what the iterations did."""
 
-ROW_STEPS: dict[str, Callable[[StackedRows], FloatArray]] = {"qr": qr_step, "lsmr": lsmr_step, "l1": l1_step}
-
 
 def iterations_of(strategy: Strategy, equations: NormalEquations, solver: Solver) -> Iterations:
     """The iterations of a strategy on a system, its solver analysed."""
     if isinstance(strategy, Dogleg):
+        from obseq.leastsquares.iterations.dogleg_path import DoglegPath
+
         _require_plain("dogleg", equations)
         return partial(iterate_in_region, equations, DoglegPath(equations, solver, strategy.radius))
     if isinstance(strategy, Controlled):
@@ -60,7 +57,7 @@ def iterations_of(strategy: Strategy, equations: NormalEquations, solver: Solver
         linearise = partial(_linearised, equations) if _is_dense(solver) else equations.assemble
         return partial(iterate, equations, normal, linearise=linearise)
     _require_plain(strategy.step, equations)
-    rows = partial(_row_direction, equations, ROW_STEPS[strategy.step])
+    rows = partial(_row_direction, equations, strategy.step)
     return partial(iterate, equations, rows, linearise=equations.assemble)
 
 
@@ -116,9 +113,11 @@ def _normal_direction(
 
 
 def _row_direction(
-    equations: NormalEquations, step: Callable[[StackedRows], FloatArray], linearisation: Linearisation
+    equations: NormalEquations, name: str, linearisation: Linearisation
 ) -> tuple[FloatArray, float]:
     """The step of the stacked rows; its length is the norm of J dx."""
+    from obseq.leastsquares.iterations.stacked_rows import ROW_STEPS, stacked_rows
+
     rows = stacked_rows(equations)
-    move = step(rows)
+    move = ROW_STEPS[name](rows)
     return equations.step(move, linearisation), float(np.linalg.norm(rows.jacobian @ move))

@@ -16,6 +16,8 @@ from obseq.errors import InputError, StepError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from scipy.sparse import csr_array
 
     from obseq.arrays import FloatArray, IntArray
@@ -141,3 +143,7 @@ def l1_step(rows: StackedRows) -> FloatArray:
 def _column_norms(rows: StackedRows) -> FloatArray:
     norms = np.sqrt(np.asarray(rows.jacobian.power(2).sum(axis=0)).ravel())
     return np.where(norms > 0.0, norms, 1.0)
+
+
+ROW_STEPS: dict[str, Callable[[StackedRows], FloatArray]] = {"qr": qr_step, "lsmr": lsmr_step, "l1": l1_step}
+"""The steps that go by the rows, by the names of strategies."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, NOISY, Arrival, resolution
+from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, resolution, rounding_of_cost
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
@@ -273,12 +273,7 @@ class _Search:
             return False
         if trial.promised <= ROUNDED_COST * cost:
             return True
-        if trial.promised > NEGLIGIBLE**3 * cost:
-            return False
-        redundancy = self._redundancy + self._path.defect
-        residuals = self._equations.weighted_residuals()
-        parts = self._arrival.rounding(-trial.move, trial.length, cost, redundancy)
-        return any(trial.promised <= 2.0 * NOISY * np.linalg.norm(lost * residuals) for lost in parts)
+        return trial.promised <= NEGLIGIBLE**3 * cost and trial.promised <= rounding_of_cost(self._equations)
 
     def _is_rounding(self, trial: Trial) -> bool:
         """Whether a full step that brings nothing is made of rounding: residuals that are all zero, say."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.arrays import FloatArray
+    from obseq.leastsquares.problem.batches import Labels
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
@@ -26,7 +27,7 @@ def linear_batch(
     coefficients: Sequence[ArrayLike],
     values: ArrayLike,
     sigmas: ArrayLike,
-    labels: Sequence[str] | None,
+    labels: Labels,
     group: str | None,
     is_tangent: bool = False,
 ) -> Batch:

@@ -100,7 +100,7 @@ class Problem:
         coefficients: Sequence[ArrayLike],
         values: ArrayLike,
         sigmas: ArrayLike,
-        labels: Sequence[str] | None = None,
+        labels: Labels = None,
         group: str | None = None,
         is_constraint: bool = False,
         is_tangent: bool = False,
@@ -182,7 +182,7 @@ class Problem:
         formula: str | Kernel,
         blocks: Mapping[str, ArrayLike],
         observations: ArrayLike | None,
-        labels: Sequence[str] | None = None,
+        labels: Labels = None,
     ) -> Batch:
         """Adds equations of a formula that the solution satisfies exactly (arguments as in `add`).
 
@@ -196,7 +196,7 @@ class Problem:
         columns: Sequence[ArrayLike],
         coefficients: Sequence[ArrayLike],
         values: ArrayLike,
-        labels: Sequence[str] | None = None,
+        labels: Labels = None,
         is_tangent: bool = False,
     ) -> Batch:
         """Adds linear equations that the solution satisfies exactly (arguments as in `add_linear`)."""

@@ -66,7 +66,8 @@ def by_metis(graph: Graph) -> IntArray:
 
     integer = pymetis.zero_copy_dtype()
     adjacency = pymetis.CSRAdjacency(graph.start.astype(integer), graph.neighbours.astype(integer))
-    order, _ = pymetis.nested_dissection(adjacency=adjacency, vweights=graph.weights.astype(integer))
+    weights, options = graph.weights.astype(integer), pymetis.Options(compress=0)  # vertices are merged
+    order, _ = pymetis.nested_dissection(adjacency=adjacency, vweights=weights, options=options)
     return np.asarray(order, dtype=np.int64)
 
 

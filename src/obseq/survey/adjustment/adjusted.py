@@ -51,19 +51,19 @@ if TYPE_CHECKING:
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
     from obseq.records.adjustment import (
+        DoubtfulRecord,
         EllipsoidRecord,
+        LeftOutRecord,
         MotionRecord,
         OperationRecord,
+        ReplacedRecord,
         RunRecord,
     )
     from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
-    from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
-    from obseq.survey.adjustment.doubtful import Doubtful
-    from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
+    from obseq.survey.adjustment.adjusted_records import AdjustedPoints, AdjustedStations
     from obseq.survey.adjustment.plotting import Axes
-    from obseq.survey.initial.approximations import Replaced
-    from obseq.survey.initial.left_out import LeftOut
+    from obseq.survey.equations.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook
 
 
@@ -121,11 +121,11 @@ class Adjustment:
     refraction: float | None = None
     operations: tuple[OperationRecord, ...] = ()
     inner: FloatArray | None = None
-    left_out: tuple[LeftOut, ...] = ()
-    replaced: tuple[Replaced, ...] = ()
+    left_out: tuple[LeftOutRecord, ...] = ()
+    replaced: tuple[ReplacedRecord, ...] = ()
     diagnosis: DiagnosisRecord | None = None
     undetermined: tuple[MotionRecord, ...] = ()
-    doubtful: tuple[Doubtful, ...] = ()
+    doubtful: tuple[DoubtfulRecord, ...] = ()
     shown: ShownUnits | None = None
     failures: tuple[str, ...] = ()
 
@@ -139,7 +139,7 @@ class Adjustment:
         """Whether the iterations ended by themselves."""
         return self.solution.converged
 
-    def announcing(self, replaced: tuple[Replaced, ...]) -> Adjustment:
+    def announcing(self, replaced: tuple[ReplacedRecord, ...]) -> Adjustment:
         """The adjustment with the approximate coordinates that it did not use."""
         return replace(self, replaced=replaced, warnings=(*sentences_of(replaced), *self.warnings))
 
@@ -148,9 +148,9 @@ class Adjustment:
         """The errors that were found, the clearest first."""
         return () if self.diagnosis is None else self.diagnosis.accused
 
-    def doubting(self, doubtful: tuple[Doubtful, ...]) -> Adjustment:
+    def doubting(self, doubtful: tuple[DoubtfulRecord, ...]) -> Adjustment:
         """The adjustment with points that should not be used, named in warnings."""
-        warnings = (*self.warnings, *(item.sentence() for item in doubtful))
+        warnings = (*self.warnings, *(item.sentence for item in doubtful))
         return replace(self, doubtful=doubtful, warnings=warnings)
 
     def warned(self, *sentences: str) -> Adjustment:
@@ -219,8 +219,8 @@ class Adjustment:
             constraints=constraint_records(self.points.points, self.known, self.quality.known),
             warnings=(*boundary.failures, *self.warnings),
             notes=self.notes,
-            left_out=tuple(item.record() for item in self.left_out),
-            replaced=tuple(item.record() for item in self.replaced),
+            left_out=self.left_out,
+            replaced=self.replaced,
             diagnosis=self.diagnosis,
             phases=tuple(PhaseRecord(name, seconds) for name, seconds in self.phases.items()),
             run=self.run,
@@ -231,7 +231,7 @@ class Adjustment:
             types=by_type(fit),
             setups=by_setup(fit),
             undetermined=self.undetermined or None,
-            doubtful=tuple(item.record() for item in self.doubtful),
+            doubtful=self.doubtful,
             unused=self.book.unused,
             failures=(*self.failures, *boundary.failures),
             joint=joint_records(

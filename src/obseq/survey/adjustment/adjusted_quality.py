@@ -16,8 +16,8 @@ from obseq.records.adjustment import (
     VarianceComponentRecord,
 )
 from obseq.survey.adjustment.joint_groups import TestedJointly, tested_jointly
-from obseq.survey.adjustment.known_coordinates import GROUP
 from obseq.survey.adjustment.quality import Examination, numbers, of_observations
+from obseq.survey.equations.known_coordinates import GROUP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.statistics.effects import Effects
     from obseq.leastsquares.statistics.ellipses import ErrorEllipses
     from obseq.leastsquares.statistics.reliability import Reliability
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
     from obseq.survey.model import FieldBook
 
 

@@ -12,44 +12,42 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError, SingularSystemError
-from obseq.records.adjustment import new_run
+from obseq.records.adjustment import ReplacedRecord, new_run
 from obseq.survey.adjustment.adjusted import Adjustment
-from obseq.survey.adjustment.adjusted_places import AdjustedPoints, AdjustedStations
 from obseq.survey.adjustment.adjusted_quality import adjusted_quality
-from obseq.survey.adjustment.adjusted_records import operations
+from obseq.survey.adjustment.adjusted_records import AdjustedPoints, AdjustedStations, operations
 from obseq.survey.adjustment.doubtful import doubtful_points
-from obseq.survey.adjustment.held_heights import held_heights_note
 from obseq.survey.adjustment.inner import inner_covariances
-from obseq.survey.adjustment.loose_motions import UNDETERMINED, loose_error, size_of
-from obseq.survey.adjustment.loose_parts import points_of, singular_parts
-from obseq.survey.adjustment.notes import datum_note, notes, of_unit_weight
-from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.adjustment.notes import datum_note, held_heights_note, notes, of_unit_weight
 from obseq.survey.adjustment.quality import Examination, Quality, examine
-from obseq.survey.adjustment.singular_words import in_words
-from obseq.survey.adjustment.undetermined import free_motions
-from obseq.survey.initial.approximations import Replaced, nearest_sights
+from obseq.survey.adjustment.singular import free_motions, in_words, points_of, singular_parts
+from obseq.survey.equations.loose_motions import UNDETERMINED, loose_error, size_of
+from obseq.survey.equations.point_system import PointSystem
+from obseq.survey.initial.approximations import nearest_sights
 from obseq.survey.initial.left_out import Determined, leave_out
 
 if TYPE_CHECKING:
     from obseq import crs
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import LeastSquaresResult
+    from obseq.records.adjustment import DoubtfulRecord
     from obseq.stopwatch import Stopwatch
-    from obseq.survey.adjustment.doubtful import Doubtful
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.frame import Frame
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import Points
 
 
 def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equations:
     """The equations of what is determined, in a frame."""
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
 
     return Equations(frame, system, start.points, start.book, start.initial)
 
 
-def replaced_coordinates(points: Points, system: PointSystem, initial: InitialValues) -> tuple[Replaced, ...]:
+def replaced_coordinates(
+    points: Points, system: PointSystem, initial: InitialValues
+) -> tuple[ReplacedRecord, ...]:
     """The approximate coordinates of files that are not used, in the system of the points."""
     rows = [row for row in initial.replaced if points.has_coordinates[row]]
     if not rows:
@@ -59,7 +57,7 @@ def replaced_coordinates(points: Points, system: PointSystem, initial: InitialVa
     moved = np.linalg.norm(both[1] - both[0], axis=1).tolist()
     given, used = (map(tuple, system.coordinates(xyz, names).tolist()) for xyz in both)
     places = [points.place(row) for row in rows]
-    return tuple(Replaced(*parts) for parts in zip(names, places, given, used, moved, strict=True))
+    return tuple(ReplacedRecord(*parts) for parts in zip(names, places, given, used, moved, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +212,7 @@ class Computation:
         return replace(
             adjustment,
             left_out=start.left_out,
-            warnings=(*(item.sentence() for item in start.left_out), *adjustment.warnings),
+            warnings=(*(item.sentence for item in start.left_out), *adjustment.warnings),
         )
 
     def _with_inner(self, adjustment: Adjustment, start: Determined, equations: Equations) -> Adjustment:
@@ -278,7 +276,7 @@ class Computation:
         return AdjustedPoints(start.points, coordinates, covariances, given, precisions)
 
 
-def _doubtful(start: Determined, adjustment: Adjustment) -> tuple[Doubtful, ...]:
+def _doubtful(start: Determined, adjustment: Adjustment) -> tuple[DoubtfulRecord, ...]:
     rows = np.flatnonzero(start.points.is_free.any(axis=1))
     factor = adjustment.solution.variance_factor if adjustment.precision == "a posteriori" else None
     sigmas = adjustment.points.precisions[rows] / math.sqrt(factor or 1.0)

@@ -14,7 +14,7 @@ from obseq.survey.initial.rivals import Choice
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import FieldBook, Points

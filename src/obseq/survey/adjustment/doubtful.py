@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,46 +26,9 @@ CIRCLE = 0.03
 """Distance from a circle, in radii, below which a point is said to lie on it."""
 
 
-class Doubtful(NamedTuple):
-    """A point that should not be used.
-
-    Attributes:
-        name: The point.
-        axis: Its worst coordinate.
-        sigma: Standard deviation of that coordinate (m).
-        sight: Length of its nearest sight (m).
-        circle: Points on one circle with it, that its directions go to.
-    """
-
-    name: str
-    axis: str
-    sigma: float
-    sight: float
-    circle: tuple[str, ...]
-
-    def sentence(self) -> str:
-        """What is wrong, and what to do."""
-        cause = f"{', '.join(self.circle)} and {self.name} lie on one circle, nearly (danger circle): {_TURN}"
-        return (
-            f"point {self.name}: its {self.axis} has a standard deviation of {self.sigma:.4g} m, and its "
-            f"nearest sight {self.sight:.4g} m: the observations say next to nothing of it; "
-            f"{cause if self.circle else _OTHERS}"
-        )
-
-    def record(self) -> DoubtfulRecord:
-        """Its entry in the record."""
-        return DoubtfulRecord(self.name, self.axis, self.sigma, self.sight, self.circle)
-
-
-_TURN = (
-    "directions to them fit everywhere on it; do not use it, but add a point off the circle, or a distance"
-)
-_OTHERS = "do not use it, but observe it more, or hold that coordinate"
-
-
 def doubtful_points(
     book: FieldBook, names: Sequence[str], coordinates: FloatArray, rows: IntArray, sigmas: FloatArray
-) -> Iterator[Doubtful]:
+) -> Iterator[DoubtfulRecord]:
     """The points less precise than a tenth of their nearest sight, and than a metre.
 
     There the ellipse of a linear adjustment says little: the equations bend. It happens on the danger circle
@@ -85,7 +48,7 @@ def doubtful_points(
         row = int(rows[at])
         axis = "xyz"[int(known[at].argmax())]
         circle = tuple(names[target] for target in _on_circle(book, coordinates, row))
-        yield Doubtful(names[row], axis, float(worst[at]), float(lengths[at]), circle)
+        yield DoubtfulRecord(names[row], axis, float(worst[at]), float(lengths[at]), circle)
 
 
 def _on_circle(book: FieldBook, coordinates: FloatArray, row: int) -> list[int]:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.adjustment.families import present
+from obseq.survey.equations.families import present
 from obseq.survey.kinds.kind import FirstPlace
 from obseq.survey.kinds.registry import BY_CODE, among, codes_placed_by
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.equations.frame import Frame
     from obseq.survey.model import FieldBook, Observations, Points
 
 _OF_THREE = FirstPlace.POSITION, FirstPlace.VECTOR, FirstPlace.LOCAL_VECTOR

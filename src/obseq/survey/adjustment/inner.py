@@ -17,7 +17,7 @@ import numpy as np
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.diagnosis.free_motions import COMBINED, SHAPE
 from obseq.printable import listed
-from obseq.survey.adjustment.undetermined import free_motions
+from obseq.survey.adjustment.singular import free_motions
 from obseq.survey.kinds.registry import codes_where
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import BoolArray, FloatArray
     from obseq.records.adjustment import MotionRecord
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 

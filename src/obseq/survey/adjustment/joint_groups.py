@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Batch
     from obseq.leastsquares.statistics.reliability import Reliability
     from obseq.records.quality import ReliabilityRecord
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.known_coordinates import CoordinateResiduals
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points
 
 

@@ -9,12 +9,14 @@ import numpy as np
 
 from obseq.errors import MissingPackageError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
+from obseq.survey.adjustment.adjusted_records import place_records
 
 if TYPE_CHECKING:
     Axes = Any  # of matplotlib, an extra
     from obseq.arrays import FloatArray
-    from obseq.survey.adjustment.adjusted_places import AdjustedPoints
-    from obseq.survey.model import FieldBook
+    from obseq.survey.adjustment.adjusted_records import AdjustedPoints
+    from obseq.survey.equations.frame import Frame
+    from obseq.survey.model import FieldBook, Points
 
 USUAL = 0.06
 """Length of a usual ellipse, as a share of the plan."""
@@ -94,3 +96,26 @@ def plan(
 def _round_below(value: float) -> float:
     power = 10.0 ** math.floor(math.log10(value))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value)
+
+
+def network_html(points: Points, book: FieldBook, frame: Frame) -> str:
+    """What a network consists of, and a plan of the points that have coordinates."""
+    from obseq.report import notebook
+
+    names, observations = book.point_names, book.observations
+    ends = zip(observations.from_points.tolist(), observations.to_points.tolist(), strict=True)
+    return notebook.network_html(
+        place_records(points),
+        ((names[a], names[b]) for a, b in ends),
+        {names[row] for row in book.stations.origins.tolist()},
+        network_text(points, book, frame),
+    )
+
+
+def network_text(points: Points, book: FieldBook, frame: Frame) -> str:
+    """What a network consists of, in a line."""
+    known = int((~points.is_free).any(axis=1).sum())
+    return (
+        f"{len(points)} points ({known} known), {len(book.observations)} observations, "
+        f"{len(book.stations)} stations; frame {frame.system.definition}"
+    )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
     from obseq.leastsquares.statistics.reliability import Reliability
     from obseq.leastsquares.statistics.variance_components import VarianceComponents
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
     from obseq.survey.model import FieldBook
 
 STATISTICS = ("w", "tau")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from random import Random
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,11 +16,11 @@ from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.known_coordinates import KnownCoordinates
     from obseq.survey.causes.cause import Cause, Groups, KnownCause
     from obseq.survey.causes.effects import Effects
     from obseq.survey.causes.notes import Notes
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.known_coordinates import KnownCoordinates
 
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
 _FEW = 200_000
@@ -103,7 +104,7 @@ class Catalogue:
         """All others: columns of their own, or those of their rows."""
         self._n_alone = len(self.rows) + len(self.known)
         families, start, seen = [], self._n_alone, set[tuple[str, int]]()
-        marks = np.random.default_rng(0).integers(1 << 62, size=len(self._active), dtype=np.uint64)
+        marks = np.frombuffer(Random(0).randbytes(8 * len(self._active)), dtype=np.uint64)
         for cause in CAUSES:
             for groups in cause.where(self.notes, self._active):
                 groups = _not_seen(groups, marks, cause, seen)

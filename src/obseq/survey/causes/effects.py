@@ -11,8 +11,8 @@ from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.survey.adjustment.equations import Equations
     from obseq.survey.causes.notes import Notes
+    from obseq.survey.equations.equations import Equations
 
 _SHORTEST = 1e-3
 """Length of a sight (m) below which nothing is divided by it."""

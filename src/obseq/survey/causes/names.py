@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray, IntArray
+    from obseq.records.adjustment import LeftOutRecord
     from obseq.report.units import Scale, Units
-    from obseq.survey.adjustment.adjusted_places import AdjustedPoints
-    from obseq.survey.initial.left_out import LeftOut
+    from obseq.survey.adjustment.adjusted_records import AdjustedPoints
     from obseq.survey.model import FieldBook, Points
 
 _LOOK_ALIKE = str.maketrans("OQILZSB", "0011258")
@@ -38,8 +38,6 @@ _LONG = 4
 """Letters from which one wrong letter makes names alike where nothing but names is compared."""
 _MOST = 20
 """Left out points of which it is asked what they may be, unused points that are named."""
-_TREE = 500
-"""Points from which pairs are looked for in a tree."""
 
 
 def are_alike(a: str, b: str) -> bool:
@@ -104,7 +102,7 @@ def mistyped_names(
     points: Points,
     book: FieldBook,
     adjusted: AdjustedPoints,
-    left_out: tuple[LeftOut, ...],
+    left_out: tuple[LeftOutRecord, ...],
 ) -> tuple[list[str], list[str]]:
     """Warnings of names that look mistyped, and notes of what stands in no observation.
 
@@ -135,7 +133,7 @@ def _nothing_sees(names: list[str]) -> str:
 
 
 def _of_unused(
-    points: Points, row: int, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...], small: Scale
+    points: Points, row: int, adjusted: AdjustedPoints, left_out: tuple[LeftOutRecord, ...], small: Scale
 ) -> str | None:
     """What observations may call a known point that is in none of them."""
     name = points.names[row]
@@ -173,14 +171,21 @@ def _precisions(adjusted: AdjustedPoints) -> FloatArray:
 
 
 def _pairs_within(places: FloatArray, radius: float) -> IntArray:
-    """(k, 2) pairs of points no farther apart, in order; for few points SciPy's tree takes longer to load."""
-    if len(places) > _TREE:
-        from scipy.spatial import cKDTree
-
-        pairs = cKDTree(places).query_pairs(radius, output_type="ndarray")
-        return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
-    squares = np.square(places[:, None] - places[None]).sum(axis=2)
-    return np.argwhere(np.triu(squares <= radius**2, 1))
+    """(k, 2) pairs of points no farther apart, in order: neighbours along the longest axis, step by step."""
+    axis = int(np.ptp(places, axis=0).argmax()) if len(places) else 0
+    order = places[:, axis].argsort(kind="stable")
+    along, first, step = places[order], np.arange(len(places) - 1), 1
+    found = [np.zeros((2, 0), dtype=np.int64)]
+    while len(first):
+        apart = along[first + step] - along[first]
+        near = apart[:, axis] <= radius
+        first, apart = first[near], apart[near]
+        close = first[np.square(apart).sum(axis=1) <= radius**2]
+        found.append(order[np.array([close, close + step])])
+        step += 1
+        first = first[: np.searchsorted(first, len(places) - step)]
+    pairs = np.sort(np.concatenate(found, axis=1), axis=0)
+    return np.asarray(pairs[:, np.lexsort(pairs[::-1])].T)
 
 
 def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterator[str]:
@@ -204,7 +209,7 @@ def _doubles(adjusted: AdjustedPoints, unused: set[str], small: Scale) -> Iterat
 
 
 def _of_left_out(
-    points: Points, book: FieldBook, adjusted: AdjustedPoints, left_out: tuple[LeftOut, ...]
+    points: Points, book: FieldBook, adjusted: AdjustedPoints, left_out: tuple[LeftOutRecord, ...]
 ) -> Iterator[str]:
     """Points that observations to left out ones fit, where their names are alike."""
     names = [item.name for item in left_out if item.what.startswith("point ")][:_MOST]

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.causes.cause import Scope
     from obseq.survey.causes.notes import Notes
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.model import Points
 
 _TURN, _FEET = 2.0 * math.pi, 0.3048

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.diagnosis.protocol import Change
     from obseq.report.units import Units
-    from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.causes.catalogue import Named
     from obseq.survey.causes.effects import Effects
+    from obseq.survey.equations.point_system import PointSystem
 
 PRISMS = (0.0344, 0.0300, 0.0350, 0.0175, 0.0169, 0.0231, 0.0400, 0.0111, 0.0086)
 """Constants (m) by which prisms of makers differ from each other and from none."""

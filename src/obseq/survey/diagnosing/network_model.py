@@ -15,13 +15,13 @@ from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.strategies import GaussNewton
 from obseq.leastsquares.problem.losses import GemanMcClure, Huber
-from obseq.survey.adjustment.kept_equations import KeptEquations
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, Catalogue
 from obseq.survey.causes.effects import Effects
 from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
 from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.slips import Evidence, slips_of
 from obseq.survey.causes.target_height import TARGET_HEIGHT
+from obseq.survey.equations.kept_equations import KeptEquations
 from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 
 if TYPE_CHECKING:
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.leastsquares.problem.unknowns import State
     from obseq.report.units import Units
-    from obseq.survey.adjustment.equations import Equations
-    from obseq.survey.adjustment.point_system import PointSystem
     from obseq.survey.causes.cause import KnownCause
+    from obseq.survey.equations.equations import Equations
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 

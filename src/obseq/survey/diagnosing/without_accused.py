@@ -11,7 +11,7 @@ from obseq.diagnosis.verdict import Status
 from obseq.errors import InputError
 from obseq.printable import listed
 from obseq.records.quality import UnusedRecord
-from obseq.survey.adjustment.known_coordinates import COMPONENTS
+from obseq.survey.equations.known_coordinates import COMPONENTS
 from obseq.survey.points import CoordinateCovariance
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from obseq.printable import listed
 from obseq.records.diagnosis import AccusedRecord, KnownRecord, PlaceRecord, SlipRecord, SuspectRecord
-from obseq.survey.adjustment.known_coordinates import COMPONENTS
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN
+from obseq.survey.equations.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 
 from obseq import crs
 from obseq.dataclass import dataclass
-from obseq.survey.adjustment.point_system import PointSystem
+from obseq.survey.equations.point_system import PointSystem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -131,7 +131,7 @@ def reservations(epochs: Sequence[Adjustment], *, trusted: bool) -> Iterator[str
         for unused in epoch.book.unused:
             names = listed(unused.observations, MOST)
             yield f"epoch {number} does not use {names}: {unused.reason}"
-        yield from (f"epoch {number}: {doubtful.sentence()}" for doubtful in epoch.doubtful)
+        yield from (f"epoch {number}: {doubtful.sentence}" for doubtful in epoch.doubtful)
         yield from _about_sigma0(number, epoch, trusted=trusted)
     if _is_same(epochs[0].book.observations, epochs[1].book.observations):
         yield "both epochs hold the same observations, to the last digit: nothing can have moved between them"

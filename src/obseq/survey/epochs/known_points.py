@@ -16,16 +16,16 @@ from obseq.errors import ObseqError
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, without_azimuths
-from obseq.survey.adjustment.frame import Frame
 from obseq.survey.adjustment.inner import require_whole
-from obseq.survey.adjustment.point_system import PointSystem
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.epochs.common_knowledge import SAME
 from obseq.survey.epochs.grounds import fits
+from obseq.survey.equations.frame import Frame
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.initial_values import values_by
-from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.left_out import Determined
 from obseq.survey.model import join
+from obseq.survey.sights.kept_graphs import Graphs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

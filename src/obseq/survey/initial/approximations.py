@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.dataclass import dataclass
-from obseq.records.adjustment import ReplacedRecord
 from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.relations import central_angle
 from obseq.survey.kinds.kind import Start
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import Array, BoolArray, FloatArray, IntArray
+    from obseq.records.adjustment import ReplacedRecord
     from obseq.survey.initial.known import Vertical
     from obseq.survey.model import FieldBook
 
@@ -127,48 +127,17 @@ def _gives(kinds: npt.NDArray[np.int16], *uses: Start) -> BoolArray:
     return among(kinds, codes_for(*uses))
 
 
-@dataclass(frozen=True)
-class Replaced:
-    """An approximation that has not been used.
-
-    Attributes:
-        name: of the point.
-        place: file and line that give the approximation.
-        given: its coordinates there, in the system of the points.
-        used: those that the observations give, in the same system.
-        moved: distance between the two (m).
-    """
-
-    name: str
-    place: str
-    given: tuple[float, float, float]
-    used: tuple[float, float, float]
-    moved: float
-
-    def record(self) -> ReplacedRecord:
-        """Its entry in the result file."""
-        return ReplacedRecord(self.name, self.place, self.given, self.used, self.moved)
-
-    def sentence(self) -> str:
-        """Which approximation was replaced, by what."""
-        given, used = (", ".join(f"{value:.3f}" for value in xyz) for xyz in (self.given, self.used))
-        return (
-            f"point {self.name} ({self.place}): its approximate coordinates ({given}) are {self.moved:.3g} m "
-            f"from where its observations place it; they were replaced by ({used})"
-        )
-
-
-def sentences_of(replaced: Sequence[Replaced]) -> tuple[str, ...]:
+def sentences_of(replaced: Sequence[ReplacedRecord]) -> tuple[str, ...]:
     """Which approximations were replaced: one sentence for all that are the same, such as 0 0 0."""
-    alike: dict[tuple[float, ...], list[Replaced]] = {}
+    alike: dict[tuple[float, ...], list[ReplacedRecord]] = {}
     for item in replaced:
         place = tuple(round(value, 6) + 0.0 for value in item.given)  # no zero is negative
         alike.setdefault(place, []).append(item)
     groups = sorted(alike.values(), key=len, reverse=True)
-    return tuple(_of_one_place(group) if len(group) > 1 else group[0].sentence() for group in groups)
+    return tuple(_of_one_place(group) if len(group) > 1 else group[0].sentence for group in groups)
 
 
-def _of_one_place(group: Sequence[Replaced]) -> str:
+def _of_one_place(group: Sequence[ReplacedRecord]) -> str:
     shown = ", ".join(f"{item.name} ({item.place})" for item in group[:_MOST])
     more = f" and {len(group) - _MOST} more" if len(group) > _MOST else ""
     given = ", ".join(f"{round(value, 3) + 0.0:.3f}" for value in group[0].given)

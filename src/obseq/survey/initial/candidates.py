@@ -15,7 +15,7 @@ from obseq.dataclass import dataclass
 from obseq.survey.initial import closed_forms as forms
 from obseq.survey.initial.known import Known, Matrix, minus, plus, times, transposed_times
 from obseq.survey.initial.relations import Measured, Relation
-from obseq.survey.initial.sights import direction
+from obseq.survey.sights.sights import direction
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -28,24 +28,24 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
 from obseq.survey.initial.best_position import along_plumb_line
-from obseq.survey.initial.kept_graphs import Graphs
 from obseq.survey.initial.known import Known, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile, verticals_of_stations
 from obseq.survey.initial.placement import GOOD, REST, Placement
 from obseq.survey.initial.rivals import Choice, Contest, contest_of, start_rivals
-from obseq.survey.initial.steps import GIVEN, Steps
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
+from obseq.survey.sights.kept_graphs import Graphs
+from obseq.survey.sights.steps import GIVEN, Steps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray, FloatRows
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sight_graph import SightGraph
-    from obseq.survey.initial.steps import Cause, Step
-    from obseq.survey.initial.ways import PlumbWays
+    from obseq.survey.sights.sight_graph import SightGraph
+    from obseq.survey.sights.steps import Cause, Step
+    from obseq.survey.sights.ways import PlumbWays
 
 _MOST_LISTED = 20
 _SIGMA_OF_APPROXIMATE = 10.0

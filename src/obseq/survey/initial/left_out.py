@@ -6,13 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from msgspec.structs import asdict
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.printable import listed
 from obseq.records.adjustment import LeftOutRecord
-from obseq.survey.initial.counts import unknown_zeros
+from obseq.survey.initial.rivals import unknown_zeros
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.registry import codes_where
 from obseq.survey.model import group_by_station
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.model import FieldBook, IntArray, Points
 
-_MOST_LABELS = 4
 _ONLY_LEVELLED = (
     ", or, if it is only levelled, give it flag 4 in its COR file (5 when its height is known), which holds "
     "its plan"
@@ -36,29 +33,6 @@ _LEVELLING = (
 )
 
 
-class LeftOut(LeftOutRecord, frozen=True):
-    """A point or a station that the adjustment does without.
-
-    Attributes:
-        what: "point T4", or "station S1 (survey.obs:12)".
-        name: of the point, or of the origin of the station.
-        reason: why, and what would help.
-        observations: the active observations that are left out with it, as labels with file and line.
-        place: of a point, the coordinates that were given for it, or that it started from where observations
-            leave some directions open (m, in the frame); None without.
-        directions: unit vectors along which its observations let the point move; None where they leave more.
-    """
-
-    def record(self) -> LeftOutRecord:
-        """Its entry in the record of the adjustment."""
-        return LeftOutRecord(**asdict(self))
-
-    def sentence(self) -> str:
-        """What is left out, with which observations, and why."""
-        shown = listed(self.observations, _MOST_LABELS)
-        return f"{self.what} is left out, with its observations ({shown or 'none'}): {self.reason}"
-
-
 @dataclass(frozen=True, eq=False)
 class Determined:
     """What is left of a network: points, observations and initial values that belong together."""
@@ -66,7 +40,7 @@ class Determined:
     points: Points
     book: FieldBook
     initial: InitialValues
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[LeftOutRecord, ...] = ()
 
 
 def leave_out(given: Determined, undetermined: Sequence[Unplaced]) -> Determined:
@@ -205,10 +179,10 @@ def _lost(
     return np.sort(mine[book.observations.active[mine] & ~active[mine]])
 
 
-def _described(given: Determined, item: Unplaced, lost: IntArray) -> LeftOut:
+def _described(given: Determined, item: Unplaced, lost: IntArray) -> LeftOutRecord:
     labels = tuple(given.book.label(row) for row in lost.tolist())
     name = given.points.names[item.point]
-    return LeftOut(item.what, name, item.reason, labels, _place(given, item), item.directions)
+    return LeftOutRecord(item.what, name, item.reason, labels, _place(given, item), item.directions)
 
 
 def _place(given: Determined, item: Unplaced) -> tuple[float, ...] | None:
@@ -226,7 +200,7 @@ def _without(
     bad_points: BoolArray,
     bad_stations: BoolArray,
     active: BoolArray,
-    named: tuple[LeftOut, ...],
+    named: tuple[LeftOutRecord, ...],
 ) -> Determined:
     rows, initial = given.book.observations, given.initial
     used = np.zeros(len(bad_stations), np.bool_)

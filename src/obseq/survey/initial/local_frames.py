@@ -17,14 +17,14 @@ from obseq.survey.initial.closed_forms import wrap
 from obseq.survey.initial.known import Known, minus, plus, times, transposed_times
 from obseq.survey.initial.placement import Level, Placement
 from obseq.survey.initial.relations import central_angle
-from obseq.survey.initial.steps import Step, step_of
 from obseq.survey.model import Orientation
+from obseq.survey.sights.steps import Step, step_of
 
 if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sight_graph import SightGraph
-    from obseq.survey.initial.sights import Sight
-    from obseq.survey.initial.ways import PlumbWays
+    from obseq.survey.sights.sight_graph import SightGraph
+    from obseq.survey.sights.sights import Sight
+    from obseq.survey.sights.ways import PlumbWays
 
 _LEVELS = (Level(1.0, 0.01), Level(math.inf, math.inf))
 _FLAT_LEVELS = (Level(math.inf, math.inf, uses_hints=True),)

@@ -11,13 +11,13 @@ from obseq.dataclass import dataclass
 from obseq.geometry import closest_rotation, isometry, rotation_z
 from obseq.survey.initial.known import Known, Matrix, as_matrix, plus, scaled
 from obseq.survey.initial.relations import free_direction
-from obseq.survey.initial.steps import Step
 from obseq.survey.model import Orientation
+from obseq.survey.sights.steps import Step
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.sight_graph import SightGraph
+    from obseq.survey.sights.sight_graph import SightGraph
 
 _SAMPLE = 9
 """Sights of a station that are compared with each other."""

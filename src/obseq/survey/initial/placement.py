@@ -17,17 +17,17 @@ from obseq.survey.initial.best_position import BestPosition, Fit, averaged, best
 from obseq.survey.initial.orienting import orient
 from obseq.survey.initial.polar_sights import LARGEST_SIGMA, PolarSights
 from obseq.survey.initial.relations import collect, station_g0s
-from obseq.survey.initial.steps import Step, step_of
 from obseq.survey.initial.traverse import Link, Traverse, link_g0, link_rise
 from obseq.survey.model import Orientation
+from obseq.survey.sights.steps import Step, step_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
-    from obseq.survey.initial.sight_graph import SightGraph
-    from obseq.survey.initial.ways import PlumbWays
+    from obseq.survey.sights.sight_graph import SightGraph
+    from obseq.survey.sights.ways import PlumbWays
 
     Sought = tuple[tuple[float, Space | None], BestPosition]
     """The least strength and the hint with which a position was looked for, and what was found."""

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import TURN, Space, wrap
 from obseq.survey.initial.known import Known, Matrix, minus, scaled, times, transposed_times
-from obseq.survey.initial.sights import direction
 from obseq.survey.model import Orientation
+from obseq.survey.sights.sights import direction
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.survey.initial.sight_graph import SightGraph
-    from obseq.survey.initial.sights import Sight
+    from obseq.survey.sights.sight_graph import SightGraph
+    from obseq.survey.sights.sights import Sight
 
 _LOSS_SCALE = 0.005
 """Relative misfit (rad, or metres per metre) beyond which a relation speaks against a position."""

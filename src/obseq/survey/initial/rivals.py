@@ -7,20 +7,25 @@ that has more observations than unknowns is not left out for that.
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.counts import unknown_zeros
+from obseq.survey.kinds.kind import Start
+from obseq.survey.kinds.registry import among, codes_for
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from obseq.arrays import BoolArray
     from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.counts import Orientations
     from obseq.survey.initial.placement import Placement
-    from obseq.survey.model import FieldBook, Points
+    from obseq.survey.model import FieldBook, IntArray, Points
+
+Orientations: TypeAlias = "np.ndarray[tuple[int], np.dtype[np.int8]]"
+"""(m,) values of `Orientation`, one for each station."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,3 +92,13 @@ def start_rivals(
         places = placement.best_positions[point][1].alternatives
         rivals[point] = places
         start(point, contest.choice.places.get(contest.names[point], places[0]))
+
+
+def unknown_zeros(points: Points, book: FieldBook, orientations: Orientations, active: BoolArray) -> IntArray:
+    """(n,) unknown zeros of circles set up on each free point, which its readings have to give as well."""
+    rows = book.observations
+    readings = active & among(rows.types, codes_for(Start.HZ)) & (rows.stations >= 0)
+    stations = np.flatnonzero(np.bincount(rows.stations[readings]))
+    stations = stations[orientations[stations] == Orientation.VERT.value]
+    count = np.bincount(book.stations.origins[stations], minlength=len(points))[: len(points)]
+    return np.where(points.is_free.any(axis=1) & ~points.in_datum.any(axis=1), count, 0)

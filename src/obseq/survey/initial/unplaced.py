@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from obseq.survey.initial.best_position import BestPosition
     from obseq.survey.initial.known import Known
-    from obseq.survey.initial.sight_graph import SightGraph
     from obseq.survey.model import FieldBook
+    from obseq.survey.sights.sight_graph import SightGraph
 
 _WORDS = {
     Measured.AZIMUTH: ("direction from", "directions from"),

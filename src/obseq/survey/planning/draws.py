@@ -9,7 +9,7 @@ import numpy as np
 from obseq.errors import ObseqError
 from obseq.leastsquares.statistics.distributions import chi_square_tails
 from obseq.records.plan import DrawsRecord
-from obseq.survey.adjustment.equations import Equations
+from obseq.survey.equations.equations import Equations
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray

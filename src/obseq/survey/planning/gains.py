@@ -15,7 +15,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.final_state import final_state
 from obseq.records.plan import GainRecord
-from obseq.survey.adjustment.equations import Equations
+from obseq.survey.equations.equations import Equations
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.model import GroupKind, group_by_station
 

@@ -10,8 +10,8 @@ import numpy as np
 from obseq.arguments import NOTHING, SEED, TRUTH, expecting, instance
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.survey.adjustment.equations import Equations
-from obseq.survey.adjustment.plumb import Plumb
+from obseq.survey.equations.equations import Equations
+from obseq.survey.equations.plumb import Plumb
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.network import Network
 from obseq.survey.planning.truth import placed, truth, with_values

@@ -12,8 +12,8 @@ from obseq.printable import listed
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.orienting import plumb_rotation
-from obseq.survey.initial.steps import GIVEN
 from obseq.survey.model import Orientation, automatic_fix
+from obseq.survey.sights.steps import GIVEN
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray
@@ -73,7 +73,7 @@ def placed(network: Network) -> Network:
     except ObseqError as error:
         raise InputError(f"{lacking}, and the observations do not place them: {error}") from error
     if adjustment.left_out:
-        raise InputError(f"{lacking}; {adjustment.left_out[0].sentence()}")
+        raise InputError(f"{lacking}; {adjustment.left_out[0].sentence}")
     if not adjustment.converged or adjustment.gross_errors:
         raise InputError(f"{lacking}, and the observed values do not agree with each other")
     rows = np.asarray(points.is_free.any(axis=1))

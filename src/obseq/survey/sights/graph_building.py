@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.survey.initial.sight_graph import Measured, SightGraph, decimals
-from obseq.survey.initial.sights import DISTANCE, DZ, HZ, SLOTS, ZENITH, Measures, make_sights
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import IS_ANGLE, KINDS, among, codes_where
 from obseq.survey.model import Orientation
+from obseq.survey.sights.sight_graph import Measured, SightGraph, decimals
+from obseq.survey.sights.sights import DISTANCE, DZ, HZ, SLOTS, ZENITH, Measures, make_sights
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

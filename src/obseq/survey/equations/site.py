@@ -13,10 +13,10 @@ from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.adjustment.frame import Frame
-    from obseq.survey.adjustment.instruments import Instruments
-    from obseq.survey.adjustment.plumb import Plumb
-    from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
+    from obseq.survey.equations.frame import Frame
+    from obseq.survey.equations.instruments import Instruments
+    from obseq.survey.equations.plumb import Plumb
+    from obseq.survey.equations.shared_unknowns import SharedUnknowns
     from obseq.survey.kinds.kind import Place
     from obseq.survey.model import FieldBook
 

@@ -14,7 +14,7 @@ from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquares
@@ -55,7 +55,7 @@ class JointRows:
         system: LeastSquares,
         batches: Sequence[tuple[IntArray, Batch]],
         covariances: list[FloatArray],
-        labels: Sequence[str],
+        labels: Callable[[int], str],
     ) -> None:
         """Adds the rows to a system.
 
@@ -65,7 +65,7 @@ class JointRows:
             covariances: Of consecutive rows, as the equations count their residuals.
             labels: What the rows are called in messages.
         """
-        self._system, self._n = system, len(labels)
+        self._system, self._n = system, sum(len(places) for places, _ in batches)
         slots = [_slots(system, batch) for _, batch in batches]
         sizes = {
             slot: role.size

@@ -10,7 +10,7 @@ from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import rotation_x, rotation_y
-from obseq.survey.adjustment.frame import RTL_HINT
+from obseq.survey.equations.frame import RTL_HINT
 from obseq.survey.kinds.registry import among, codes_where
 from obseq.survey.model import Orientation
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray, IndexArray, IntArray
-    from obseq.survey.adjustment.frame import Frame
+    from obseq.survey.equations.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
 

@@ -11,7 +11,7 @@ from obseq import crs
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.adjustment.surroundings import Recent, Surroundings
+from obseq.survey.equations.surroundings import Recent, Surroundings
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:

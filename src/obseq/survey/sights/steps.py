@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, overload
 
 if TYPE_CHECKING:
-    from obseq.survey.initial.sights import Sights
+    from obseq.survey.sights.sights import Sights
 
 
 class Step(NamedTuple):

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.adjustment.surroundings import Recent
+from obseq.survey.equations.surroundings import Recent
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
-    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.model import Points
 
 
@@ -66,23 +65,6 @@ class Tangents:
     axes: FloatArray
     metres: FloatArray
     stretching: FloatArray
-
-
-class Labels(Sequence[str]):
-    """What known coordinates are called in messages, made when somebody asks."""
-
-    def __init__(self, points: Points, rows: IntArray, components: IntArray) -> None:
-        self._points = points
-        self._rows = rows
-        self._components = components
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __getitem__(self, index):  # type: ignore[no-untyped-def]
-        row = int(self._rows[index])
-        name = COMPONENTS[self._components[index]]
-        return f"{name} of {self._points.names[row]} ({self._points.place(row)})"
 
 
 class KnownCoordinates:
@@ -150,7 +132,7 @@ class KnownCoordinates:
             [equations[:, :3]],
             equations[:, 3],
             sigmas,
-            labels=Labels(self._points, rows, components),
+            labels=partial(_label, self._points, rows, components),
             group=GROUP,
             is_constraint=True,
         )
@@ -160,7 +142,7 @@ class KnownCoordinates:
         if not rows.size:
             return None
         equations = self._linearised(rows, components)
-        labels = Labels(self._points, rows, components)
+        labels = partial(_label, self._points, rows, components)
         return system.constrain_linear([self._ids[rows]], [equations[:, :3]], equations[:, 3], labels=labels)
 
     def together(self) -> dict[Batch, IntArray]:
@@ -273,3 +255,9 @@ def _correlated(points: Points) -> tuple[IntArray, IntArray]:
     given = points.covariance.coordinates if points.covariance else ()
     rows = [points.index[name] for name, _ in given]
     return np.array(rows, np.int64), np.array([component for _, component in given], np.int64)
+
+
+def _label(points: Points, rows: IntArray, components: IntArray, k: int) -> str:
+    """What the known coordinates of some rows are called in messages."""
+    row = int(rows[k])
+    return f"{COMPONENTS[components[k]]} of {points.names[row]} ({points.place(row)})"

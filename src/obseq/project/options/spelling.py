@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.project.option_values import parse_value
+from obseq.project.options.option_values import parse_value
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.project.option_values import Value
+    from obseq.project.options.option_values import Value
 
     Words = Callable[[str, Value], list[str]]
     """The words of our command for an option of the original, from its name and its value."""

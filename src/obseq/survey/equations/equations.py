@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.leastsquares import LeastSquares
-from obseq.survey.adjustment.carried import moves_of
-from obseq.survey.adjustment.families import Family, family_of, present, rows_by_family
-from obseq.survey.adjustment.instruments import Instruments
-from obseq.survey.adjustment.joint_rows import GROUP, JointRows
-from obseq.survey.adjustment.known_coordinates import SAME_PLACE, KnownCoordinates
-from obseq.survey.adjustment.labels import Labels
-from obseq.survey.adjustment.loose_motions import loose_motions
-from obseq.survey.adjustment.plumb import Plumb
-from obseq.survey.adjustment.shared_unknowns import SharedUnknowns
-from obseq.survey.adjustment.site import NetworkSite
+from obseq.survey.equations.carried import moves_of
+from obseq.survey.equations.families import Family, family_of, present, rows_by_family
+from obseq.survey.equations.instruments import Instruments
+from obseq.survey.equations.joint_rows import GROUP, JointRows
+from obseq.survey.equations.known_coordinates import SAME_PLACE, KnownCoordinates
+from obseq.survey.equations.loose_motions import loose_motions
+from obseq.survey.equations.plumb import Plumb
+from obseq.survey.equations.shared_unknowns import SharedUnknowns
+from obseq.survey.equations.site import NetworkSite
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 from obseq.survey.model import Orientation
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares import Batch, LeastSquaresResult
-    from obseq.survey.adjustment.frame import Frame
-    from obseq.survey.adjustment.point_system import PointSystem
+    from obseq.survey.equations.frame import Frame
+    from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.initial.initial_values import InitialValues
     from obseq.survey.kinds.kind import ObservationKind
     from obseq.survey.model import Cluster, FieldBook, Points
@@ -170,7 +170,7 @@ class Equations:
             batch = self._added(own, coordinates)
             batch.active = np.zeros(len(own), np.bool_)
             batches.append((places[np.isin(rows, own)], batch))
-        self._joint = JointRows(self.system, batches, covariances, Labels(self._book, rows))
+        self._joint = JointRows(self.system, batches, covariances, partial(_label, self._book, rows))
         return self._joint.batch
 
     def _added(
@@ -181,7 +181,7 @@ class Equations:
         kind, _ = family.kinds[0]
         measured, blocks = self._measured(family, coordinates), self._blocks(family)
         sigmas = 1.0 if covariance else self.sigmas(rows, coordinates)
-        labels = Labels(self._book, rows)
+        labels = partial(_label, self._book, rows)
         if kind.is_linear(self._site):
             ids = list(blocks.values())
             sizes = [int(self.system.unknowns.size[block[0]]) for block in ids]
@@ -339,3 +339,8 @@ def sigmas_of(batch: Batch) -> FloatArray:
     if batch.clusters is not None:
         return np.sqrt(batch.clusters.variances())
     return np.asarray(batch.sigmas[:, 0])
+
+
+def _label(book: FieldBook, rows: IntArray, k: int) -> str:
+    """What the observations of some rows are called in messages."""
+    return book.label(int(rows[k]))

@@ -14,14 +14,14 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.survey.initial.sights import lengths
+from obseq.survey.sights.sights import lengths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, FloatArray, FloatRows, IntArray, IntRows
-    from obseq.survey.initial.sight_graph import SightGraph
-    from obseq.survey.initial.sights import Sights
+    from obseq.survey.sights.sight_graph import SightGraph
+    from obseq.survey.sights.sights import Sights
 
 _MOST_STATIONS = 50
 """Stations that are linked through one common target."""

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.problem.manifolds import PLUMB
-from obseq.survey.adjustment.labels import station_names
 from obseq.survey.initial.orienting import plumb_rotation
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
-    from obseq.survey.adjustment.plumb import Plumb
+    from obseq.survey.equations.plumb import Plumb
     from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.model import FieldBook
+    from obseq.survey.model import FieldBook, Points
 
 FROZEN_TURNS = {Orientation.FIX: (0, 1, 2), Orientation.VERT: (0, 1)}
 """Components of the small rotation (right, front, up) that an orientation keeps."""
@@ -126,3 +125,14 @@ def _turns_along_grid(rotations: FloatArray, turns: FloatArray) -> FloatArray:
     front, up = rotations[:, :, 1], rotations[:, :, 2]
     about_up = np.einsum("ni,nij->nj", front * (up[:, 1] / front[:, 1])[:, None] - up, turns)
     return np.asarray(turns + up[:, :, None] * about_up[:, None, :])
+
+
+def station_names(points: Points, book: FieldBook) -> list[str]:
+    """Names of the stations for messages: their point, numbered when it has several."""
+    seen: dict[str, int] = {}
+    names = []
+    for origin in book.stations.origins:
+        name = points.names[origin]
+        seen[name] = seen.get(name, 0) + 1
+        names.append(f"station {name}" if seen[name] == 1 else f"station {name} ({seen[name]})")
+    return names

@@ -20,7 +20,7 @@ from obseq.leastsquares.diagnosis.singular import undetermined_error
 from obseq.leastsquares.iterations.constraints import held_rows
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.solvers import choose_solver
-from obseq.survey.adjustment.frame import MEAN_RADIUS
+from obseq.survey.equations.frame import MEAN_RADIUS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

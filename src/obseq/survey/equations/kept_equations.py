@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import Array, BoolArray
-    from obseq.survey.adjustment.equations import Equations
+    from obseq.survey.equations.equations import Equations
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import Observations, Points
 

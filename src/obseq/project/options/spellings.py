@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.project.bundle_options import KNOWN, TOPO
-from obseq.project.spelling import Form, Option, Spelling, as_typed, in_order, switch, value, values
-from obseq.project.target_spellings import TARGETS
+from obseq.project.options.bundle_options import KNOWN, TOPO
+from obseq.project.options.spelling import Form, Option, Spelling, as_typed, in_order, switch, value, values
+from obseq.project.options.target_spellings import TARGETS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.project.option_values import Value
+    from obseq.project.options.option_values import Value
 
 
 def _groups(given: Sequence[str]) -> list[str]:

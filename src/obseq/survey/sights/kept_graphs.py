@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.survey.initial.graph_building import build_graph, measured_anew
-from obseq.survey.initial.ways import PlumbWays
+from obseq.survey.sights.graph_building import build_graph, measured_anew
+from obseq.survey.sights.ways import PlumbWays
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from obseq.survey.initial.sight_graph import SightGraph
     from obseq.survey.model import FieldBook
+    from obseq.survey.sights.sight_graph import SightGraph
 
 _MOST = 5000
 """Observations up to which a graph is kept: those of large networks take memory."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.project.spelling import Form, Option, Spelling, in_order, switch, value, values
+from obseq.project.options.spelling import Form, Option, Spelling, in_order, switch, value, values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.project.option_values import Value
+    from obseq.project.options.option_values import Value
 
 PARITIES = {"1": "odd", "2": "even", "3": "all"}
 IMAGES = "IMAGES"

@@ -11,14 +11,14 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.survey.initial.sights import lengths
 from obseq.survey.model import Orientation
+from obseq.survey.sights.sights import lengths
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.initial.sights import Sights
+    from obseq.survey.sights.sights import Sights
 
 _OF_LINKS = ("is_plumb", "station_of", "origin_of", "target_of", "sights_from", "sights_to", "stations_at")
 """What graphs that differ in numbers only have in common."""

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from obseq.arrays import FloatArray
-    from obseq.survey.adjustment.families import Family
-    from obseq.survey.adjustment.site import NetworkSite
+    from obseq.survey.equations.families import Family
+    from obseq.survey.equations.site import NetworkSite
 
 FIRST = "station.centre", "station", "origin", "point"
 """What the equations call the point that they are observed from."""

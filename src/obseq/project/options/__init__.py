@@ -1,0 +1,1 @@
+"""Options and commands in MMVII's own words."""
