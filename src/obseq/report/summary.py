@@ -1,6 +1,7 @@
 """The summary on the terminal: whether the result may be used, what is wrong, how good it is."""
 
 import textwrap
+import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from heapq import nlargest
 
@@ -56,7 +57,7 @@ def summary(
     """
     if detail == "quiet":
         return printable(f"{verdict(record).text}\n{_files(written)}\n")
-    given = spared(record)
+    begun, given = time.perf_counter(), spared(record)
     is_long = detail == "verbose"
     sections: list[Iterable[str]] = [_head(record), gross_errors(record, MOST_ERRORS), left_out(record)]
     sections += [_cards(given), _why(record), _joint(record), snooping_lines(record)]
@@ -65,8 +66,9 @@ def summary(
     sections += [_table(given, name) for name in shown]
     sections += [warnings(record, len(record.warnings) if is_long else MOST_WARNINGS)]
     sections += [_notes(record, len(record.notes) if is_long else MOST_NOTES)]
-    sections += [_seconds(record) if is_long else (), [_files(written)]]
-    return printable("\n".join(line for section in sections for line in section) + "\n")
+    lines = [line for section in sections for line in section]
+    lines += [*(_seconds(record, time.perf_counter() - begun) if is_long else ()), _files(written)]
+    return printable("\n".join(lines) + "\n")
 
 
 def _head(record: AdjustmentRecord) -> Iterator[str]:
@@ -151,10 +153,12 @@ def _notes(record: AdjustmentRecord, most: int) -> Iterator[str]:
         yield f"and {len(record.notes) - most} more notes (-v tells them)"
 
 
-def _seconds(record: AdjustmentRecord) -> Iterator[str]:
+def _seconds(record: AdjustmentRecord, told: float) -> Iterator[str]:
+    """The time of each part of the work, that of telling it too."""
     if record.phases:
-        total = sum(phase.seconds for phase in record.phases)
-        parts = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in record.phases)
+        phases = [*((phase.name, phase.seconds) for phase in record.phases), ("summary", told)]
+        total = sum(seconds for _, seconds in phases)
+        parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in phases)
         yield f"Seconds: {parts}; {total:.2f} in all"
 
 
