@@ -1,6 +1,7 @@
 """`obseq bundle-adjust` on the panel's project tree, in both spellings, and the options it refuses."""
 
 import json
+import re
 import shutil
 
 import pytest
@@ -37,6 +38,25 @@ def test_the_panel_is_adjusted_as_on_paper(panel, shared_data, capsys, spelling)
         "New" in str(spelling)
     )
     assert "converged" in capsys.readouterr().out
+
+
+def test_measures_weigh_by_the_covariances_of_their_files_when_asked(panel, capsys):
+    words = ["bundle-adjust", ".*", "Resec", "Mine", "GCP3D=[[Fil,1]]", f"--project={panel}"]
+    folder = panel / "MMVII-PhgrProj/PointsMeasure/Fil"
+    half = re.compile(r"<Sigma2>[^<]*</Sigma2>")
+    for path in folder.glob("MesIm*"):
+        path.write_text(half.sub("<Sigma2>0.25 0 0.25</Sigma2>", path.read_text()))
+    found = []
+    for measures in ("GCP2D=[[Fil,0.5]]", "GCP2D=[[Fil,0]]"):
+        assert main([*words, measures, f"--json={panel / 'r.json'}"]) == 0
+        found.append(json.loads((panel / "r.json").read_text())["sigma0"])
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+    path = min(folder.glob("MesIm*"))
+    path.write_text(half.sub("<Sigma2>0.25 0.2 0.25</Sigma2>", path.read_text()))
+    assert main([*words, "GCP2D=[[Fil,0]]", f"--json={panel / 'r.json'}"]) in (0, 1)
+    assert json.loads((panel / "r.json").read_text())["sigma0"] != pytest.approx(found[0], rel=1e-4)
+    assert main([*words, "GCP2D=[[Fil,0,2]]"]) == 2
+    assert "SI 0 takes the covariances" in capsys.readouterr().err
 
 
 def test_a_rigid_block_of_the_tree_joins(panel, shared_data, capsys):

@@ -8,7 +8,7 @@ import pytest
 from obseq.cli.main import main
 from obseq.images import Camera, ControlPoints, Poses
 from obseq.project import points_text, read_image_measures, write_orientation
-from obseq.project.tree import tree_text
+from obseq.project.tree import read_tree, tree_text
 from obseq.targets import Conditions, Scene, made, photograph, random_sheets
 from obseq.targets.circles import radii_of, refined
 from obseq.targets.measures import Measure, mmvii_text, read_ellipses, read_mmvii
@@ -135,3 +135,26 @@ def test_spots_get_names_and_true_centres(tmp_path, monkeypatch, capsys) -> None
     found = {one.point: one.xy for one in read_mmvii(TREE / "ObjMesInstr/Better/MesIm-C1_1.PNG.xml")}
     for one in better:
         assert found[one.point] == pytest.approx(one.xy, abs=5e-3)
+
+
+def test_targets_are_put_into_images_as_the_original_does(tmp_path, monkeypatch, capsys) -> None:  # type: ignore[no-untyped-def]
+    """`CodedTargetSimul`: they are found where the files say."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["mmvii", "CodedTargetGenerateEncoding", "IGNIndoor"]) == 0
+    (spec,) = map(str, Path().glob("IGNIndoor*_FullSpecif.xml"))
+    Path("wall.png").write_bytes(png_bytes(np.full((420, 520), 120, dtype=np.uint8)))
+    options = "PatNames=0[1-4] Radius=[35,40] Ratio=[0.8,1] NoiseAmpl=[0,0.02] SzK=2 SuplPref=A_"
+    assert main(["mmvii", "CodedTargetSimul", ".*png", spec, *options.split()]) == 0
+    truth = {
+        one.point: one.xy for one in read_mmvii(TREE / "ObjMesInstr/Simul/MesIm-SimulTarget_A_wall.tif.xml")
+    }
+    assert set(truth) == {"01", "02", "03", "04"}
+    assert main(["mmvii", "CodedTargetExtract", "SimulTarget.*tif", spec, "OutPointsMeasure=T"]) == 0
+    found = read_mmvii(TREE / "ObjMesInstr/T/MesIm-SimulTarget_A_wall.tif.xml")
+    assert {one.point for one in found} == set(truth)
+    assert max(np.abs(one.xy - truth[one.point]).max() for one in found) < 0.06
+    geometries = read_tree(TREE / "ObjMesInstr/Simul/SimulTarget_A_wall_GroundTruth.xml")["ResSimul"]["Geoms"]
+    assert all(35.0 <= one["R2"][0] <= 40.0 and one["R1"][0] >= 0.79 * one["R2"][0] for one in geometries)
+    capsys.readouterr()
+    assert main(["mmvii", "CodedTargetSimul", ".*png", spec, "Radius=[80,90]"]) == 1
+    assert "no room for" in capsys.readouterr().out

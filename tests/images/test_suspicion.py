@@ -1,15 +1,16 @@
-"""What is suspected to be a gross error, and when one of several only is."""
+"""What is said of errors in blocks, with full weights and with robust ones."""
 
 import numpy as np
 import pytest
 import scenes
 
-from obseq.images import BundleAdjustment, Camera, ControlPoints, Poses
+from obseq.images import BundleAdjustment, Camera, ControlPoints, Poses, Weighting
+from obseq.images.causes.diagnosing import diagnosed
 from obseq.images.output.record import record_of
 from obseq.images.output.summary import suspected
 
 
-def _strip(n_control, k1=-0.08, height_error=0.0):
+def _strip(n_control, k1=-0.08, height_error=0.0, weighting=None):
     """Eight aerial images of 60 points, with a calibration that is held; some points are control points."""
     rng = np.random.default_rng(0)
     centres = [[x, y, 10.0] for x in (0.0, 2.5, 5.0, 7.5) for y in (0.0, 3.0)]
@@ -25,27 +26,24 @@ def _strip(n_control, k1=-0.08, height_error=0.0):
     known = points[rows]
     known[1, 2] += height_error
     block.add_control_points(ControlPoints.of([names[row] for row in rows], known, 0.001))
-    block.add_measures(scenes.measured(poses, points, names, 0.5))
-    return record_of(block.solve()), names[rows[1]]
+    block.add_measures(scenes.measured(poses, points, names, 0.5), weighting)
+    solution = block.solve()
+    return record_of(solution, diagnosis=diagnosed(solution, block.poses)), names[rows[1]]
 
 
-def test_three_control_points_do_not_tell_a_wrong_distortion_from_a_wrong_point():
-    record, _ = _strip(3, k1=-0.05)
-    assert record.suspicion.alike > 1
-    said = suspected(record)
-    assert said.startswith(f"one of {1 + record.suspicion.alike} observations is suspected")
-    assert "whether they share a cause" in said
-    assert len({item.name.split()[2] for item in record.suspicion.largest[:4]}) > 1  # of several points
+@pytest.mark.parametrize("weighting", [None, Weighting(0.5, 1.0, None, 2.0)])
+@pytest.mark.parametrize("n_control", [6, 8])
+def test_more_control_points_name_the_wrong_one(n_control, weighting):
+    record, wrong = _strip(n_control, height_error=0.1, weighting=weighting)
+    (one,) = record.diagnosis.accused
+    assert suspected(record).startswith(f"z of control point {wrong} is off by +0.")
+    assert [(known.name, known.coordinate) for known in one.points] == [(wrong, "z")]
     assert not record.is_complete
 
 
-@pytest.mark.parametrize("n_control", [6, 8])
-def test_more_control_points_name_the_wrong_one(n_control):
-    record, wrong = _strip(n_control, height_error=0.1)
-    assert record.suspicion.alike == 0
-    assert suspected(record).startswith(f"a gross error is suspected: control point {wrong} z, off by +0.")
-
-
-def test_nothing_is_like_the_largest_test_of_a_good_block():
+def test_nothing_is_said_of_a_good_block():
     record, _ = _strip(8)
-    assert (record.suspects, record.suspicion.alike, suspected(record)) == ((), 0, "")
+    assert (record.diagnosis.accused, suspected(record), record.is_complete) == ((), "", True)
+    largest = [abs(item.w) for item in record.reliability.largest.largest]
+    assert largest == sorted(largest, reverse=True) and largest[0] < 5.0
+    assert 0.8 < record.reliability.largest.spread < 1.2

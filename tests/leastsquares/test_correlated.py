@@ -5,6 +5,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.leastsquares import LeastSquares
+from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.iterations.stacked_rows import stacked_rows
 from obseq.leastsquares.statistics.reliability import reliability
 
@@ -99,3 +100,16 @@ def test_what_is_no_covariance_is_refused_by_name():
         batch.correlate(np.eye(2))
     with pytest.raises(InputError, match="either sigmas or covariances"):
         system.add("TopoSubFrame", {}, None)
+
+
+def test_the_whitening_of_observations_is_that_of_their_covariances():
+    system, _, batch, (*_, given, _) = baselines()
+    whitening = whitening_of(batch).toarray().reshape(len(given), 3, len(given), 3)
+    for k, covariance in enumerate(given):
+        own = whitening[k, :, k]
+        np.testing.assert_allclose(own.T @ own @ covariance, np.eye(3), atol=1e-9)
+        whitening[k, :, k] = 0.0
+    assert not whitening.any()
+    result = system.solve()
+    residuals = whitening_of(batch) @ result.residuals(batch).ravel()
+    assert residuals @ residuals == pytest.approx(result.cost, rel=1e-9)

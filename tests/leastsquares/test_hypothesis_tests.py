@@ -8,7 +8,6 @@ import obseq
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.hypothesis_tests import (
     global_test,
-    limit_by_spread,
     non_centrality,
     normal_critical,
     normal_p_values,
@@ -107,12 +106,3 @@ def test_the_spread_of_most_is_not_moved_by_outliers():
     w[:1000] = rng.uniform(50.0, 500.0, 1000)
     assert robust_spread(w) == pytest.approx(3.0, rel=0.05)
     assert robust_spread([]) == 0.0
-
-
-def test_the_limit_by_the_spread_keeps_its_level():
-    rng, level, n = np.random.default_rng(5), 0.05, 60
-    w = rng.normal(0.0, 3.0, (4000, n))
-    largest = [np.abs(row).max() / max(robust_spread(row), 1.0) for row in w]
-    rate = np.mean(np.array(largest) > limit_by_spread(3.0, n, level / n))
-    assert rate < level
-    assert limit_by_spread(1.0, n, level) == pytest.approx(normal_critical(level))

@@ -12,7 +12,6 @@ from obseq.leastsquares.statistics.hypothesis_tests import non_centrality, norma
 from obseq.leastsquares.statistics.joint_levels import (
     joint_critical,
     joint_level,
-    joint_limit_by_others,
     joint_ratio_critical,
     shared_level,
 )
@@ -115,19 +114,6 @@ def test_levels_of_all_tests_add_up():
 def test_limits_by_the_variance_factor_of_all():
     assert joint_ratio_critical(0.001, 0.80, 1, 12) == pytest.approx(tau_critical(0.001, 12) ** 2)
     assert joint_ratio_critical(0.001, 0.80, 3, 3) == float("inf")
-
-
-def test_what_remains_without_an_error_raises_its_limit():
-    own, limit = (
-        joint_critical(0.001, 0.80, 3),
-        lambda rest: joint_limit_by_others(30.0, 3, 30.0 + rest, 15, 0.001, 0.80),
-    )
-    accepted = special.chdtri(12, 0.025)
-    assert limit(5.0) == limit(12.0) == own
-    assert limit(accepted) == pytest.approx(own * accepted / 12.0, rel=1e-12)
-    assert limit(1.2 * accepted) == pytest.approx(own * 1.2**3 * accepted / 12.0, rel=1e-12)
-    by_others = 3 * special.fdtri(3, 12, 1.0 - joint_level(0.001, 0.80, 3))
-    assert limit(200.0) == pytest.approx(by_others * 200.0 / 12.0)
 
 
 @pytest.mark.parametrize(

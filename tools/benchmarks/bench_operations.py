@@ -1,12 +1,12 @@
-"""Operations of value and Jacobian beside those of CasADi, wrenfold and sympy, for ten formulas.
+"""Operations of value and Jacobian beside those of CasADi, SymForce, wrenfold and sympy, for ten formulas.
 
     python tools/benchmarks/bench_operations.py
 
 Each other program gets the same expressions and differentiates and shares by its own means: CasADi by
-`jacobian` and `cse`, wrenfold by `jacobian` and `eliminate_subexpressions`, sympy by `diff` and `cse`. An
-operation is an addition, a product, a quotient, a root, a power or a call; a sum of n terms is n - 1. Angles
-are compared without their whole turns, which the others have not. What is not installed has an empty
-column (`pip install casadi wrenfold`).
+`jacobian` and `cse`, SymForce by `jacobian` and its `cse`, wrenfold by `jacobian` and
+`eliminate_subexpressions`, sympy by `diff` and `cse`. An operation is an addition, a product, a quotient, a
+root, a power or a call; a sum of n terms is n - 1. Angles are compared without their whole turns, which the
+others have not. What is not installed has an empty column (`pip install casadi symforce wrenfold`).
 """
 
 import importlib.util
@@ -56,6 +56,22 @@ def with_casadi(one: Formula, residuals: list[sympy.Expr]) -> int:
     return sum(function.instruction_id(k) not in idle for k in range(function.n_instructions()))
 
 
+def with_symforce(one: Formula, residuals: list[sympy.Expr]) -> int:
+    """Operations of SymForce's common subexpressions and what is left, of symengine."""
+    import symforce.symbolic as sf
+
+    scalars = [sympy.Symbol(name, real=True) for name in (*one.unknowns, *one.observations)]
+    names = ("sqrt", "sin", "cos", "tan", "asin", "atan2")
+    evaluate = sympy.lambdify(scalars, residuals, modules=[{name: getattr(sf.sympy, name) for name in names}])
+    symbols = [sf.Symbol(symbol.name) for symbol in scalars]
+    values = evaluate(*symbols)
+    jacobian = sf.Matrix(values).jacobian(sf.Matrix(symbols[: len(one.unknowns)]))
+    parts, shared = sf.cse([*values, *jacobian])
+    return sum(int(sympy.count_ops(sympy.sympify(value))) for _, value in parts) + sum(
+        int(sympy.count_ops(sympy.sympify(value))) for value in shared
+    )
+
+
 def with_wrenfold(one: Formula, residuals: list[sympy.Expr]) -> int:
     """Operations of wrenfold's expressions after it has taken out what they share."""
     from wrenfold import sym, sympy_conversion
@@ -89,6 +105,7 @@ def with_sympy(one: Formula, residuals: list[sympy.Expr]) -> int:
 
 OTHERS: dict[str, Callable[[Formula, list[sympy.Expr]], int]] = {
     "casadi": with_casadi,
+    "symforce": with_symforce,
     "wrenfold": with_wrenfold,
     "sympy": with_sympy,
 }

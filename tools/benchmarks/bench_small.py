@@ -2,7 +2,8 @@
 
 Points observed by distances to their neighbours, their coordinates known beforehand to 10 cm. Both begin with
 arrays and end with coordinates: ours builds the system each time. SciPy is given the weighted residuals as a
-NumPy expression, and takes their derivatives by differences, or from a function (`--jacobian`).
+NumPy expression, and takes their derivatives by differences, or from a function (`--jacobian`). Many systems
+of one shape are one system: the last column is SciPy's time over ours where a thousand are solved so.
 
     python tools/benchmarks/bench_small.py
     python tools/benchmarks/bench_small.py --points 4 12 60 --rounds 15 --json small.json
@@ -26,6 +27,7 @@ from obseq.leastsquares import LeastSquares
 Array = NDArray[np.float64]
 POINTS = (4, 12, 60)
 SIGMA, PRIOR = 0.003, 0.1
+TOGETHER = 1_000
 REACH = 260.0
 """Points of the grid (100 m) that are nearer than this are observed."""
 
@@ -47,6 +49,12 @@ class Network:
         system.add_prior(points, self.start, PRIOR)
         system.solve()
         return system.values(points)
+
+    def copies(self, count: int) -> "Network":
+        """So many of it, side by side."""
+        n = len(self.start)
+        pairs = self.pairs + n * np.arange(count)[:, None, None]
+        return Network(np.tile(self.start, (count, 1)), pairs.reshape(-1, 2), np.tile(self.lengths, count))
 
     def residuals(self, x: Array) -> Array:
         """(m + 3 n,) weighted residuals, as SciPy wants them."""
@@ -77,7 +85,7 @@ class Network:
 
 @dataclass(frozen=True)
 class Row:
-    """The result of one size: milliseconds of CPU, and SciPy's time in ours."""
+    """The result of one size: milliseconds of CPU, and SciPy's time in ours, alone and `TOGETHER`."""
 
     points: int
     unknowns: int
@@ -86,6 +94,7 @@ class Row:
     scipy: float
     ratio: float
     disagreement: float
+    together: float
 
 
 def network(n: int) -> Network:
@@ -104,9 +113,11 @@ def network(n: int) -> Network:
 def bench(n: int, rounds: int, jacobian: bool) -> Row:
     """The bench of one size."""
     problem = network(n)
+    many = problem.copies(TOGETHER)
     contenders: dict[str, Repeat] = {
         "obseq": lambda count: _repeat(problem.solve, count),
         "scipy": lambda count: _repeat(lambda: problem.scipy(jacobian), count),
+        "together": lambda count: _repeat(many.solve, count),
     }
     difference = float(np.abs(problem.solve() - problem.scipy(jacobian)).max())
     timings = race(contenders, rounds)
@@ -118,6 +129,7 @@ def bench(n: int, rounds: int, jacobian: bool) -> Row:
         1e3 * timings["scipy"].median,
         ratio(timings["obseq"], timings["scipy"]),
         difference,
+        TOGETHER * ratio(timings["scipy"], timings["together"]),
     )
 
 
@@ -160,12 +172,12 @@ def main() -> int:
     """Reads the command line, benches, prints the table."""
     arguments = asked()
     rows = [bench(n, arguments.rounds, arguments.jacobian) for n in arguments.points]
-    titles = ("unknowns", "distances", "obseq ms", "scipy ms", "obseq/scipy", "differ by")
+    titles = ("unknowns", "distances", "obseq ms", "scipy ms", "obseq/scipy", "differ by", "together")
     print("".join(f"{title:>12}" for title in titles))
     for row in rows:
         print(
             f"{row.unknowns:12}{row.distances:12}{row.obseq:12.2f}{row.scipy:12.2f}{row.ratio:12.2f}"
-            f"{row.disagreement:12.1e}"
+            f"{row.disagreement:12.1e}{row.together:12.2f}"
         )
     print(f"ten calls that build a system: {calls_of_ten(arguments.rounds):.0f} us each")
     write_json(arguments.json, [asdict(row) for row in rows])

@@ -67,7 +67,10 @@ class Bench:
             reason = (done.stderr or done.stdout).strip().splitlines()[-1:]
             print(f"{self.file}: left out: {' '.join(reason)}", file=sys.stderr)
             return []
-        return list(self.rows(json.loads(target.read_text("utf-8"))))
+        rows = list(self.rows(json.loads(target.read_text("utf-8"))))
+        if not rows:
+            print(f"{self.file}: its rival is not installed here", file=sys.stderr)
+        return rows
 
 
 def kernels(content: Any) -> Iterator[Row]:
@@ -91,9 +94,11 @@ def evaluation(content: Any) -> Iterator[Row]:
 
 def small(content: Any) -> Iterator[Row]:
     """Small systems."""
-    for row, wanted in zip(content, (1.0, 2.0, 10.0), strict=True):
-        rival = 'scipy least_squares(method="lm")'
+    rival = 'scipy least_squares(method="lm"), derivatives given'
+    for row, wanted in zip(content, (1.5, 2.0, 10.0), strict=True):
         yield Row(f"whole solution of {row['unknowns']} unknowns", rival, 1.0 / row["ratio"], wanted)
+    for row in content:
+        yield Row(f"1,000 systems of {row['unknowns']} unknowns as one", rival, row["together"], 1.5)
 
 
 def bundles(content: Any) -> Iterator[Row]:
@@ -102,6 +107,21 @@ def bundles(content: Any) -> Iterator[Row]:
         if "ratio" in figures:
             rival = f"Ceres, {figures['solver']}"
             yield Row(f"iteration of {name}", rival, 1.0 / figures["ratio"], 1.0 / 0.6)
+            yield Row(f"whole of {name}", rival, figures["whole"], 1.8)
+
+
+def solvers(content: Any) -> Iterator[Row]:
+    """Sparse factorisation."""
+    for problem in content["problems"]:
+        for phase, against in problem["ratios"].items():
+            if isinstance(against, dict) and (ratio := against.get("pardiso")):
+                yield Row(f"{phase}, {problem['problem']}", "MKL PARDISO", 1.0 / ratio, 1.2)
+
+
+def start(content: Any) -> Iterator[Row]:
+    """Networks as processes."""
+    for what, wanted in (("4 points", 1.6), ("1000 points", 5.0)):
+        yield Row(f"{what}, files to results", 'python -c "import numpy"', 1.0 / content[what], 1.0 / wanted)
 
 
 def blocks(content: Any) -> Iterator[Row]:
@@ -113,7 +133,9 @@ def blocks(content: Any) -> Iterator[Row]:
 BENCHES = (
     Bench("bench_kernels.py", kernels, ("--against", "rival"), (*FEW, "--against", "rival")),
     Bench("bench_evaluation.py", evaluation, (), (*FEW, "--rounds", "5")),
-    Bench("bench_small.py", small, (), ("--rounds", "7")),
+    Bench("bench_small.py", small, ("--jacobian",), ("--jacobian", "--rounds", "5")),
+    Bench("bench_solvers.py", solvers, ("survey-10k", "survey-100k"), ("survey-10k", "--rounds", "3")),
+    Bench("bench_start.py", start, (), ("--rounds", "5")),
     Bench(
         "bench_bundle.py",
         bundles,

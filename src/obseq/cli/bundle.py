@@ -54,7 +54,7 @@ columns (commas or blanks, any order; # begins a comment):
   cameras   name width height focal [ppx ppy K1 K2 K3 p1 p2 b1 b2 ...]       pixels
   images    image camera [x y z omega phi kappa]   degrees; or w p k, yaw pitch roll, qw qx qy qz
   control   point x y z [sigma, or sx sy sz]       0: held; empty: free
-  measures  image point x y [sigma, or sx sy]      pixels"""
+  measures  image point x y [sigma, or sx sy, sxy]      pixels"""
 
 EXITS = """\
 exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in

@@ -15,6 +15,7 @@ from obseq.writing import check_writable, write_all
 MORE = """
 Options are MMVII's, Name=value, of today or of 2024:
   GCP3D=[[F,SG,Out?],...] GCP2D=[[F,SI,At?,Thr?,Exp?],...]   or GCPDir, GCPW, AddGCPW, GCPDirOut
+    SI is a sigma in pixels; 0: the covariances of the files of measures
   PPFzCal=Pat PPFreeCal=[[Cam,Par,Weight?],...] SharedIP=[Cam,Par,...] PatFzCenters PatFzOrient
   PoseVisc=[C,R] RefOri=[Ori,C,R?,Pat?] TPDir=F TiePWeight=[S,At?,Thr?,Exp?] NbIter=N
   TopoDirIn=F TopoDirOut=F TopoW=W (weights of the survey, times W) TopoRefr=k (refraction coefficient)

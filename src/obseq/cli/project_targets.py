@@ -11,10 +11,16 @@ from obseq.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from obseq.arrays import Array
     from obseq.project.layout import ProjectTree
-    from obseq.targets import Found, Measure
+    from obseq.targets import Found, Measure, Truth
+    from obseq.targets.pictures import Picture
+    from obseq.targets.specification import Specification
 
 PICTURES = "VISU"
+SIMULATED = "SimulTarget_"
+KNOWN = 1e-8
+"""Variance of places that are known, pixels squared: of the numbers in files."""
 
 
 def register(commands: Commands) -> None:
@@ -28,6 +34,23 @@ def register(commands: Commands) -> None:
     command.add_argument("--ellipse", action="store_true", help="write centres of ellipses, not of circles")
     command.add_argument("--only", default=".*", metavar="PATTERN", help="names that are kept (all)")
     command.add_argument("--overlay", action="store_true", help=f"draw what was found ({PICTURES})")
+
+    purpose = "put targets into images, where their places are known (CodedTargetSimul)"
+    command = add_tree_command(commands, "simulate-targets", _simulate, purpose, ("images",), is_new=True)
+    command.add_argument("spec", type=Path, metavar="SPEC", help="specification of the set")
+    command.add_argument("--out", default="Simul", metavar="NAME", help="folder of the measures (Simul)")
+    command.add_argument("--names", default=".*", metavar="PATTERN", help="of the targets (all)")
+    command.add_argument("--prefix", default="", metavar="TEXT", help="after SimulTarget_ in names of images")
+    for name, default, about in (
+        ("radius", (15.0, 60.0), "half side of a sheet, pixels"),
+        ("ratio", (0.3, 1.0), "short side over long side"),
+        ("noise", (0.0, 0.1), "amplitude over 128 grey levels, the second"),
+        ("ramp", (0.0, 0.2), "change of the light across the image, the second"),
+        ("grey", (0.0, 0.2), "loss of contrast between black and white"),
+        ("dark", (0.0, 0.4), "loss of light"),
+    ):
+        told = f"{about} ({default[0]:g} {default[1]:g})"
+        command.add_argument(f"--{name}", type=float, nargs=2, default=default, metavar="X", help=told)
 
     purpose = "give spots without code the names of points that are seen there (CodedTargetCompleteUncoded)"
     words = ("images", "orientation", "points", "measures", "out")
@@ -65,6 +88,72 @@ def _extract(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, F
     if not files:
         raise InputError(lines[0].strip())
     return "".join(lines), files, passed
+
+
+def _simulate(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    import numpy as np
+
+    from obseq.cli.targets import chosen_names
+    from obseq.project.layout import MEASURES
+    from obseq.targets import read_picture
+    from obseq.targets.measures import Measure, mmvii_text, truth_text
+    from obseq.targets.pictures import png_bytes
+    from obseq.targets.specification_files import read_specification
+
+    spec = read_specification(arguments.spec)
+    names = chosen_names(spec, arguments.names)
+    folder, lines, passed = tree.folder(MEASURES, arguments.out), [], True
+    files: Files = {}
+    for name in tree.images(arguments.images):
+        if name.startswith(SIMULATED):
+            continue
+        image, truths = _with_targets(arguments, read_picture(tree.root / name), spec, names)
+        made = f"{SIMULATED}{arguments.prefix}{Path(name).stem}"
+        measures = [Measure(f"{made}.tif", one.name, one.centre, KNOWN * np.eye(2)) for one in truths]
+        files[tree.root / f"{made}.tif"] = png_bytes(image, "TIFF")
+        files[folder / f"MesIm-{made}.tif.xml"] = mmvii_text(f"{made}.tif", measures)
+        files[folder / f"{made}_GroundTruth.xml"] = truth_text(truths, spec, arguments.radius)
+        lines.append(f"{made}.tif: {len(truths)} targets\n")
+        if lost := sorted(set(names) - {one.name for one in truths}):
+            lines.append(f"no room for {len(lost)}: {' '.join(lost[:10])}{' ...' * (len(lost) > 10)}\n")
+            passed = False
+    if not files:
+        raise InputError(f"{arguments.images}: there are only images that were made ({SIMULATED}...)")
+    return "".join(lines), files, passed
+
+
+def _with_targets(
+    arguments: argparse.Namespace, picture: "Picture", spec: "Specification", names: list[str]
+) -> "tuple[Array, list[Truth]]":
+    """A picture with targets in it, by chance, that of its name; and where they are."""
+    import math
+    import zlib
+
+    import numpy as np
+
+    from obseq.images import Camera
+    from obseq.targets import Conditions, Scene, photograph, random_sheets
+    from obseq.targets.specification import extent
+
+    height, width = picture.grey.shape
+    seed = zlib.crc32(picture.name.encode())
+    short, long = sorted(arguments.ratio)
+    if not 0.0 < short <= long <= 1.0:
+        raise InputError(f"--ratio {short:g} {long:g}: sides have ratios above 0, to 1")
+    low, high = (2.0 * r * extent(spec) / (2.0 * spec.geometry.radii[3]) for r in sorted(arguments.radius))
+    light = [(1.0 - a) * (1.0 - b) for a, b in zip(arguments.grey, arguments.dark, strict=True)]
+    contrast = 255.0 * min(light), 255.0 * max(light)
+    if not (low > 0.0 and contrast[0] > 0.0 and contrast[1] <= 255.0):
+        raise InputError("--radius is above 0, --grey and --dark are from 0 to below 1")
+    tilts = math.degrees(math.acos(long)), math.degrees(math.acos(short))
+    middle = np.array([(width - 1) / 2, (height - 1) / 2])
+    camera = Camera("simulated", width, height, float(max(width, height)), middle)
+    sheets = random_sheets(camera, [spec], Scene(len(names), (low, high), tilts, contrast, seed=seed), names)
+    deep = picture.grey.dtype.itemsize > 1
+    seen = Conditions(
+        noise=128.0 * arguments.noise[1] / math.sqrt(3.0), ramp=arguments.ramp[1], deep=deep, seed=seed
+    )
+    return photograph(camera, sheets, seen, scenery=picture.grey / (257.0 if deep else 1.0))
 
 
 def _measure_files(

@@ -60,7 +60,7 @@ class Search(Generic[Place]):
         if best is None:
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
-        return judged(self._model, best, spent if self._is_spent else "")
+        return judged(self._model, best, spent if self._is_spent and self._budget else "")
 
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended, if it is a place to test anything at."""
@@ -107,7 +107,7 @@ class Search(Generic[Place]):
                 return best  # few errors do not carry a large model so far away
         if best is None:
             return None
-        if best.is_accepted:
+        if best.is_accepted and not self._is_spent:
             best = self._in_place_of_several(best)
         # of few spare observations some errors take too many: then they hardly are as many
         are_many = len(best.chosen) > max(2.0, self._policy.share * best.tests.linear.redundancy)
@@ -218,8 +218,11 @@ class Search(Generic[Place]):
 
     def _selected(self, tests: LinearTests, first: list[int], *, is_robust: bool) -> tuple[int, ...]:
         """What explains a model at a place: from nothing, from what is far off there, from rows alone."""
+        suspects = _suspects(tests) if is_robust and not first else []
+        if suspects and self._is_spent:
+            return tuple(sorted(select(tests, suspects)))
         found = [select(tests, first)]
-        if is_robust and not first and (suspects := _suspects(tests)):
+        if suspects:
             found.append(select(tests, suspects))
             if (blocks := merged(tests, suspects)) != suspects:  # more rows than are told one by one
                 found.append(select(tests, blocks))

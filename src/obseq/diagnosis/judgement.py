@@ -120,6 +120,7 @@ def _accusation(
     """One error, with what explains it as well, and its slips: where only another has one, that is first."""
     tests = found.tests
     rest = [j for j in chosen if j != index]
+    tests.given(chosen)  # of which that without one follows
     tested = tests.tests(tests.given(rest), rest)
     if not tested.statistic[index]:  # a block that is told for its slip
         took = tests.took(chosen) - tests.took(rest)

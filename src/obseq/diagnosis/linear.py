@@ -7,6 +7,7 @@ it large, where the place is near the solution without the error: A and v0 are t
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+    from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.final_state import FinalState
 
 _AT_A_TIME = 64
@@ -99,6 +101,31 @@ def linearised(
         csr_array(block_diag([taken_of(state, batch) for batch in batches], format="csr")),
         state.solve,
         result.redundancy,
+    )
+
+
+def with_priors(
+    linear: Linear, system: LeastSquares, result: LeastSquaresResult, priors: Sequence[Prior]
+) -> Linear:
+    """The same with the equations of observed unknowns after those of the batches."""
+    from scipy.sparse import block_diag, coo_array, csr_array, vstack
+
+    if not priors:
+        return linear
+    state = final_state(system, result)
+    weights = np.concatenate([prior.weights for prior in priors])
+    columns = state.equations.free.number[np.concatenate([prior.scalars for prior in priors])]
+    free = np.flatnonzero(columns >= 0)
+    entries = weights[free], (free, columns[free])
+    off = np.concatenate([result.prior_residuals(prior) for prior in priors])
+    own = [diagonal(state.prior_leverages(prior)) for prior in priors]
+    rows = coo_array(entries, shape=(len(weights), linear.rows.shape[1]))
+    return replace(
+        linear,
+        residuals=np.append(linear.residuals, weights * off),
+        rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
+        whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
+        taken=csr_array(block_diag([linear.taken, *own], format="csr")),
     )
 
 

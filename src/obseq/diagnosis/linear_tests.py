@@ -20,6 +20,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.diagnosis.given import Given
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
 if TYPE_CHECKING:
@@ -35,19 +36,6 @@ _CHUNK, _KEPT = 64, 8
 """Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY = 1e-300
 _PAIR = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Given:
-    """What accepted hypotheses leave to the columns.
-
-    Attributes:
-        basis: (s, k) B C.
-        shown: (k,) u that is left.
-    """
-
-    basis: FloatArray
-    shown: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,22 +198,26 @@ class LinearTests:
 
     def given(self, chosen: Sequence[int]) -> Given:
         """What is left to the columns when hypotheses are unknowns of the model."""
-        if not len(chosen):
-            return Given(np.zeros((0, len(self.shown))), self.shown)
         key = tuple(sorted(map(int, chosen)))
-        if key not in self._given:
-            while len(self._given) >= _KEPT:
-                self._given.pop(next(iter(self._given)))
-            self._given[key] = self._made(key)
-        return self._given[key]
+        found = self._given.pop(key, None) or self._made(key)
+        self._given[key] = found  # the last that was asked for is the last to go
+        if len(self._given) > _KEPT:
+            self._given.pop(next(iter(self._given)))
+        return found
 
     def _made(self, chosen: tuple[int, ...]) -> Given:
-        own = self._own_columns(chosen)
-        shares, axes = np.linalg.eigh(self._gram(own))
-        seen = shares > self.policy.unseen
-        half = axes[:, seen] / np.sqrt(shares[seen])
-        basis = half.T @ np.array([self._across[k] for k in own.tolist()])
-        return Given(basis, self.shown - (half.T @ self.shown[own]) @ basis)
+        """The same from the beginning, or from what is known without one of them, or with one more."""
+        own = set(chosen)
+        known = {key: set(key) for key in self._given if abs(len(key) - len(own)) == 1}
+        more = next((key for key, held in known.items() if held > own), None)
+        if more is not None:
+            return self.given(more).with_less(self._own_columns(chosen))
+        rest = next((key for key, held in known.items() if held < own), ())
+        before = self._given[rest] if rest else Given(np.zeros((0, len(self.shown))), self.shown, np.zeros(0))
+        columns = self._own_columns([i for i in chosen if i not in rest])
+        self._solve_for(columns)
+        across = np.array([self._across[k] for k in columns.tolist()]).reshape(len(columns), len(self.shown))
+        return before.with_more(across, columns, self.policy.unseen)
 
     def tests(self, given: Given, skip: Sequence[int] = (), *, blocks: bool = True) -> Tested:
         """T of every hypothesis and what it must exceed; of blocks where enough of their rows stand out."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from obseq.dataclass import dataclass
+from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Policy:
         equal: Contradictions by which two of them may differ that explain a network equally well.
         most: Errors that are told one by one.
         begun: Suspects from which backward elimination starts, the worst of them.
+        held_down: Errors that are told where robust weights hold them down: so many cost ten adjustments.
         exchanges: Exchanges of one hypothesis for another at most: masked pairs take one or two.
         rounds: Linearisations at most, for one explanation.
         trials: Changes, or starts without one row, that are adjusted anew.
@@ -61,6 +63,7 @@ class Policy:
     equal: float = 0.1
     most: int = 12
     begun: int = 60
+    held_down: int = 200
     exchanges: int = 4
     rounds: int = 4
     trials: int = 4
@@ -82,3 +85,7 @@ class Policy:
 
 
 POLICY = Policy()
+LOSSES: tuple[Huber | GemanMcClure, ...] = (Huber(1.5), GemanMcClure(8.0), GemanMcClure(4.0))
+"""Of the robust start, one after the other: the first has one minimum, the others forget what is far off."""
+NO_WEIGHT = 1e6
+"""Times its sigma, an observation has no influence; what it alone determines stays where it is."""

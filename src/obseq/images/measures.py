@@ -34,6 +34,7 @@ class ImagePoints:
         point: (n,) point of each measure, a position in `point_names`.
         xy: (n, 2) pixels.
         sigmas: (n, 2) standard deviations, pixels.
+        covariances: (n,) of x and y, pixels squared.
 
     Example:
         >>> measures = ImagePoints.of(["a", "a", "b"], ["1", "2", "1"], [[10.0, 20], [30, 40], [50, 60]])
@@ -47,12 +48,18 @@ class ImagePoints:
     point: IntArray
     xy: FloatArray
     sigmas: FloatArray
+    covariances: FloatArray
 
     @classmethod
     def of(
-        cls, images: Sequence[str], points: Sequence[str], xy: ArrayLike, sigmas: ArrayLike = 1.0
+        cls,
+        images: Sequence[str],
+        points: Sequence[str],
+        xy: ArrayLike,
+        sigmas: ArrayLike = 1.0,
+        covariances: ArrayLike = 0.0,
     ) -> ImagePoints:
-        """Measures from names: (n,) images, (n,) points, (n, 2) pixels; one sigma, (n,) or (n, 2).
+        """Measures from names: (n,) images and points, (n, 2) pixels, one sigma, (n,) or (n, 2), covariances.
 
         Raises:
             InputError: a point is measured twice in an image, a number is not finite, a sigma not positive,
@@ -60,7 +67,7 @@ class ImagePoints:
         """
         image_names, image = numbered(as_names(images, "image points: image"))
         point_names, point = numbered(as_names(points, "image points: point"))
-        return cls.packed(image_names, point_names, image, point, xy, sigmas)
+        return cls.packed(image_names, point_names, image, point, xy, sigmas, covariances)
 
     @classmethod
     def packed(
@@ -71,6 +78,7 @@ class ImagePoints:
         point: ArrayLike,
         xy: ArrayLike,
         sigmas: ArrayLike = 1.0,
+        covariances: ArrayLike = 0.0,
     ) -> ImagePoints:
         """The same from numbers, for those who have them: nothing is looked up by name."""
         image, point = np.asarray(image, dtype=np.int64), np.asarray(point, dtype=np.int64)
@@ -83,6 +91,7 @@ class ImagePoints:
             point,
             rows_of(xy, len(image), 2, "image points: pixels"),
             sigmas_of(sigmas, len(image), 2, "image points: sigmas"),
+            sigmas_of(covariances, len(image), 1, "image points: covariances")[:, 0],
         )
         made._check()
         return made
@@ -96,6 +105,9 @@ class ImagePoints:
         row = _first_wrong((self.sigmas > 0.0) & np.isfinite(self.sigmas))
         if row is not None:
             raise RowError(f"{self.label(row)}: the sigma must be positive and finite", row)
+        row = _first_wrong(np.abs(self.covariances) < self.sigmas.prod(axis=1))
+        if row is not None:
+            raise RowError(f"{self.label(row)}: the covariance of x and y must be below their sigmas", row)
         keys = self.image * len(self.point_names) + self.point
         if (np.diff(keys) > 0).all():
             return  # by image and, in each, by point: nothing comes twice
@@ -132,6 +144,7 @@ class ImagePoints:
             point=point.astype(np.int64),
             xy=self.xy[index],
             sigmas=self.sigmas[index],
+            covariances=self.covariances[index],
         )
 
     def of_image(self, name: str) -> ImagePoints:
@@ -154,9 +167,22 @@ class ImagePoints:
             np.concatenate([point[:n_points][self.point], point[n_points:][other.point]]),
             np.concatenate([self.xy, other.xy]),
             np.concatenate([self.sigmas, other.sigmas]),
+            np.concatenate([self.covariances, other.covariances]),
         )
+
+    @property
+    def are_correlated(self) -> bool:
+        """Whether x and y of a measure are."""
+        return bool(self.covariances.any())
+
+    @property
+    def matrices(self) -> FloatArray:
+        """(n, 2, 2) covariances of x and y."""
+        found = self.covariances[:, None, None] * np.ones((2, 2))
+        found[:, [0, 1], [0, 1]] = self.sigmas**2
+        return found
 
 
 def _first_wrong(is_right: BoolArray) -> int | None:
-    """The first row (n, 2) that is not right in both; None when all are."""
-    return None if is_right.all() else int(is_right.all(axis=1).argmin())
+    """The first row, (n,) or (n, 2), that is not right; None when all are."""
+    return None if is_right.all() else int(is_right.reshape(len(is_right), -1).all(axis=1).argmin())

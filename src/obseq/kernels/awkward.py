@@ -98,6 +98,8 @@ def check(
             progress(f"comparing {name} with its formula")
         place = index.place(name)
         formula = reader.formula_of(name, place.package if place else OWN)
+        if place and place.package != OWN:
+            formula.expressions()  # tells what fails in it, with its line
         checks.append(compared(calculator(name), formula, seed))
     return checks
 

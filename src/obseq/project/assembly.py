@@ -69,7 +69,9 @@ def assembled(
     rays = Counter(name for _, measures, _ in parts for name in _point_of_each(measures))
     _add_points(block, tree, options, control, rays, definition)
     for part, measures, folder in parts:
-        weighting = Weighting(part.sigma, part.attenuation, part.threshold, part.exponent)
+        weighting = None
+        if part.sigma is not None:
+            weighting = Weighting(part.sigma, part.attenuation, part.threshold, part.exponent)
         block.add_measures(_coded(measures, control), weighting, part.folder, origin=Origin(str(folder)))
     if options.reference:
         require_one(tree.orientation(orientation), tree.orientation(options.reference[0]))

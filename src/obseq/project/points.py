@@ -30,7 +30,7 @@ _UPPER = np.triu_indices(3)
 def read_image_measures(folder: str | Path, images: Iterable[str] | None = None) -> ImagePoints:
     """The measures of a folder ``ObjMesInstr/<Folder>`` (2023: ``PointsMeasure``); no uncoded targets.
 
-    Sigmas are the square roots of the variances of the files (the original never uses them).
+    They have the variances and covariances of the files (which the original never uses).
 
     Args:
         folder: the folder.
@@ -46,7 +46,7 @@ def read_image_measures(folder: str | Path, images: Iterable[str] | None = None)
     names: list[str] = []
     points: list[str] = []
     pixels: list[tuple[float, ...]] = []
-    sigmas: list[tuple[float, ...]] = []
+    spread: list[tuple[float, ...]] = []
     for path in files:
         fields = Reader(read_tree(path), str(path)).fields(MEASURES)
         image = fields.text("NameIm")
@@ -56,10 +56,9 @@ def read_image_measures(folder: str | Path, images: Iterable[str] | None = None)
             names.append(image)
             points.append(one.text("Name"))
             pixels.append(one.numbers("Pt", 2))
-            sigmas.append(_pixel_sigmas(one))
-    return ImagePoints.of(
-        names, points, np.array(pixels).reshape(-1, 2), np.array(sigmas).reshape(-1, 2) if sigmas else 1.0
-    )
+            spread.append(_pixel_spread(one))
+    table = np.array(spread).reshape(-1, 3)
+    return ImagePoints.of(names, points, np.array(pixels).reshape(-1, 2), table[:, :2], table[:, 2])
 
 
 def measures_text(image: str, measures: ImagePoints, *, as_json: bool = False) -> str:
@@ -69,9 +68,9 @@ def measures_text(image: str, measures: ImagePoints, *, as_json: bool = False) -
         {
             "Name": mine.point_names[point],
             "Pt": _floats(xy),
-            "Sigma2": (float(sigma[0] ** 2), 0.0, float(sigma[1] ** 2)),
+            "Sigma2": (float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])),
         }
-        for point, xy, sigma in zip(mine.point, mine.xy, mine.sigmas, strict=True)
+        for point, xy, matrix in zip(mine.point, mine.xy, mine.matrices, strict=True)
     ]
     return tree_text(MEASURES, {"NameIm": image, "Measures": entries}, as_json=as_json)
 
@@ -200,14 +199,14 @@ def _entries(fields: Reader, name: str) -> list[Reader]:
     return [Reader(tree, f"{fields.where}: entry {k + 1}") for k, tree in enumerate(fields.list(name))]
 
 
-def _pixel_sigmas(one: Reader) -> tuple[float, float]:
-    """Standard deviations of column and line; one pixel where the file gives none."""
+def _pixel_spread(one: Reader) -> tuple[float, float, float]:
+    """Standard deviations of column and line, and their covariance; one pixel where the file gives none."""
     if not one.has("Sigma2"):
-        return 1.0, 1.0
-    xx, _, yy = one.numbers("Sigma2", 3)
-    if not (xx > 0 and yy > 0):
+        return 1.0, 1.0, 0.0
+    xx, xy, yy = map(float, one.numbers("Sigma2", 3))
+    if not (xx > 0 and yy > 0 and xy * xy < xx * yy):
         raise InputError(f"{one.where}: point {one.text('Name')}: Sigma2 must be positive variances")
-    return float(xx) ** 0.5, float(yy) ** 0.5
+    return xx**0.5, yy**0.5, xy
 
 
 def _covariances(entries: list[Reader]) -> FloatArray:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.targets.drawings import figure_of
 from obseq.targets.fits import Placed
-from obseq.targets.measuring import outer_places, region_of
+from obseq.targets.measuring import FOREIGN, outer_places, region_of
 from obseq.targets.rendering import layers
 from obseq.targets.rings import Reading, Unread, code_of
 
@@ -75,7 +75,7 @@ def read_bits(image: Array, spec: Specification, fit: Fit) -> list[Reading] | Un
         ink = bit_ink(image, spec, placed, fit)
         if ink is None:
             return Unread("inside the image", 0.0, 1.0)
-        margins = 2.0 * (ink - EITHER)
+        margins = 2.0 * (ink.bits - EITHER)
         code = code_of(margins > 0.0, spec)
         mended = min(1, (spec.class_distance - 1) // 2)
         nearest = min(spec.turns, key=lambda known: (known ^ code).bit_count())
@@ -85,8 +85,15 @@ def read_bits(image: Array, spec: Specification, fit: Fit) -> list[Reading] | Un
     return found or Unread("code of the set: bits that differ", corrected, mended)
 
 
-def bit_ink(image: Array, spec: Specification, placed: Placed, fit: Fit) -> FloatArray | None:
-    """(bits,) how much ink each bit has, 0 to 1, by least squares; None where they leave the image.
+class Ink(NamedTuple):
+    """How much ink each bit has, (bits,), 0 to 1; and the share of the sheet that shows something else."""
+
+    bits: FloatArray
+    foreign: float
+
+
+def bit_ink(image: Array, spec: Specification, placed: Placed, fit: Fit) -> Ink | None:
+    """How much ink each bit has, by least squares; None where they leave the image.
 
     Unknown are the light with its slopes, the ink of the central figure, that of each bit, and what is beyond
     each edge of the sheet. So bits that are smaller than the blur are told from their neighbours.
@@ -130,7 +137,9 @@ def bit_ink(image: Array, spec: Specification, placed: Placed, fit: Fit) -> Floa
     normal = design.T @ design + np.diag(certain)
     solved = prior + np.linalg.solve(normal, design.T @ (grey[inside] - design @ prior))
     ink: FloatArray = solved[3 : 3 + bits] / solved[3 + bits]
-    return ink
+    drawn = np.r_[solved[:3], (ink > EITHER) * solved[3 + bits], solved[3 + bits :]]
+    off = np.abs(grey[inside] - design @ drawn)
+    return Ink(ink, float(np.mean(off > FOREIGN * abs(fit.gain))))
 
 
 def _blur(count: int, k: int, sigma: float) -> FloatRows:

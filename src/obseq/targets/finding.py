@@ -15,7 +15,7 @@ from obseq.targets.covering import Covering, covered_by
 from obseq.targets.distortion import with_one_distortion
 from obseq.targets.drawings import bits_drawn
 from obseq.targets.levels import levels_of
-from obseq.targets.measuring import Drawings, fit_drawing
+from obseq.targets.measuring import FORGIVEN, Drawings, fit_drawing
 from obseq.targets.rings import Reading, Unread, read_ring, spot_ellipse
 from obseq.targets.specification import extent
 from obseq.targets.zones import worst_quadrant
@@ -23,7 +23,7 @@ from obseq.targets.zones import worst_quadrant
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import Array, FloatArray, FloatRows
+    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
     from obseq.targets.fits import Fit, Placed
     from obseq.targets.levels import Level
     from obseq.targets.specification import Specification
@@ -33,7 +33,12 @@ LIKE = 0.85
 FIGURE_LIKE = 0.75
 """And that the drawing of its central figure explains, before its code is read."""
 ODD = 0.3
-"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing."""
+"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing. A bit that differs
+by as much from both of its values cannot be read."""
+NOTICED = 2
+"""Bits that can be read and in which any other target differs: one that is wrong is noticed then."""
+CHANCE = 0.1
+"""Share of all patterns of these bits that are targets: what is none seldom has a name."""
 SPOT_LIKE = 0.97
 """And the edge of a spot without code: of a square spot the drawing of a disc explains 0.96 at most."""
 FLAT = 1e7
@@ -246,12 +251,18 @@ class _Search:
         if ink is None:
             self._refuse(fit.placed, Unread("inside the image", 0.0, 1.0))
             return False
-        reading = replace(reading, margins=2.0 * (ink - EITHER))
-        oddest = max(oddest, float(np.abs(ink - bits_drawn(one.spec, reading.code)).max()))
+        reading = replace(reading, margins=2.0 * (ink.bits - EITHER))
+        off = np.abs(ink.bits - bits_drawn(one.spec, reading.code))
+        is_doubtful = (off > ODD) & (off < 1.0 - ODD) & (ink.foreign < FORGIVEN)
+        oddest = max(oddest, float(off[~is_doubtful].max(initial=0.0)))
         if likeness < LIKE:
             self._refuse(fit.placed, Unread(f"{reading.name}: likeness", likeness, LIKE))
         elif oddest > ODD:
             self._refuse(fit.placed, Unread(f"{reading.name}: a part differs", oddest, ODD))
+        elif is_doubtful.any() and not _is_certain(one.spec, reading.name, ~is_doubtful):
+            self._refuse(
+                fit.placed, Unread(f"{reading.name}: bits that cannot be read", is_doubtful.sum(), 0)
+            )
         else:
             self.targets.append(_target(one, reading, fit, oddest))
             self._taken.add(fit.placed, INSIDE * np.array(one.spec.geometry.sheet))
@@ -301,6 +312,11 @@ class _Search:
         best = {name: better[id(one)] for name, one in best.items()}
         refused = [one for one in self.refused if not self._is_taken(np.array([one.x, one.y]))]
         return Found([best[name] for name in sorted(best)], self.plain, refused)
+
+
+def _is_certain(spec: Specification, name: str, is_readable: BoolArray) -> bool:
+    """Whether the bits that can be read, (bits,), are those of one target, not by chance or by one error."""
+    return spec.apart(name, is_readable) >= NOTICED and spec.chance(is_readable) < CHANCE
 
 
 def _target(one: _Set, reading: Reading, fit: Fit, oddest: float) -> Target:

@@ -10,7 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows
+    from obseq.arrays import FloatArray, FloatRows, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +78,7 @@ class Fit:
         offset: grey level of the sheet in the middle.
         places: (n, 2) of the drawing, of the pixels that count.
         residuals: (n,) drawing minus image, in parts of the gain.
+        forgiven: numbers of the pixels of the image that show something else, and were left out.
         n_pixels: their number.
     """
 
@@ -89,6 +90,7 @@ class Fit:
     offset: float
     places: FloatRows
     residuals: FloatArray
+    forgiven: IntArray
 
     def likeness_with(self, noise: float) -> float:
         """The share of the variance that the drawing explains, of what noise (grey levels) does not."""

@@ -13,6 +13,7 @@ from obseq.images import ImagePoints
 from obseq.project.tree import Reader, read_tree, tree_text
 from obseq.reading.tables import Table
 from obseq.spreadsheets import csv_text
+from obseq.targets.specification import extent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows
     from obseq.project.tree import Tree
     from obseq.targets.finding import Found, Target
+    from obseq.targets.simulation import Truth
+    from obseq.targets.specification import Specification
 
 UNCODED = "NONE"
 """What the names of spots without code begin with, as in MMVII."""
@@ -130,6 +133,22 @@ def mmvii_text(image: str, measures: Sequence[Measure]) -> str:
     return tree_text("SetMesIm", {"NameIm": image, "Measures": entries})
 
 
+def truth_text(truths: Sequence[Truth], spec: Specification, radii: Sequence[float]) -> str:
+    """The file `..._GroundTruth.xml` of made images: codes, centres, and half sides of sheets, pixels."""
+    half = spec.geometry.radii[3] / extent(spec)
+    geometries: list[Tree] = [
+        {
+            "Encod": {"NumCode": (float(list(spec.codes).index(one.name)), float(spec.codes[one.name]))},
+            "Name": one.name,
+            "Center": (float(one.centre[0]), float(one.centre[1])),
+            "R1": (half * one.size * math.cos(one.tilt),),
+            "R2": (half * one.size,),
+        }
+        for one in truths
+    ]
+    return tree_text("ResSimul", {"RadiusMinMax": tuple(map(float, radii)), "Geoms": geometries})
+
+
 def attributes_text(found: Found) -> str:
     """The file `Attribute-MesIm-<image>.xml`: ellipses of the central figures, and their grey levels."""
     entries: list[Tree] = []
@@ -208,7 +227,7 @@ def measures_of(found: Mapping[str, Found], *, of_ellipse: bool = False) -> list
 
 
 def image_points(measures: Sequence[Measure]) -> ImagePoints:
-    """Measures as an adjustment takes them, with their sigmas; spots without code are left out."""
+    """Measures as an adjustment takes them, with their covariances; spots without code are left out."""
     coded = [one for one in measures if not one.point.startswith(UNCODED)]
     if not coded:
         raise InputError("targets: there are no named measures")
@@ -218,6 +237,7 @@ def image_points(measures: Sequence[Measure]) -> ImagePoints:
         [one.point for one in coded],
         np.array([one.xy for one in coded]),
         sigmas,
+        np.array([one.covariance[0, 1] for one in coded]),
     )
 
 
@@ -233,13 +253,14 @@ def measures_text(measures: Sequence[Measure]) -> str:
 
 
 def block_text(measures: Sequence[Measure]) -> str:
-    """The table of measures that `obseq bundle` reads, with sigmas; no spots without code."""
-    rows = [["image", "point", "x", "y", "sx", "sy"]]
+    """The table of measures that `obseq bundle` reads, with covariances; no spots without code."""
+    rows = [["image", "point", "x", "y", "sx", "sy", "sxy"]]
     for one in measures:
         if not one.point.startswith(UNCODED):
             x, y = one.xy
             sx, sy = np.sqrt(np.diag(one.covariance))
-            rows.append([one.image, one.point, f"{x:.4f}", f"{y:.4f}", f"{sx:.5f}", f"{sy:.5f}"])
+            spread = f"{sx:.5f}", f"{sy:.5f}", f"{one.covariance[0, 1]:.4e}"
+            rows.append([one.image, one.point, f"{x:.4f}", f"{y:.4f}", *spread])
     return csv_text(rows)
 
 

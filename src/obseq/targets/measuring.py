@@ -21,7 +21,7 @@ from obseq.targets.painting import smooth_table
 from obseq.targets.rendering import Region, observe, render, spread
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, FloatRows
+    from obseq.arrays import Array, FloatArray, FloatRows, IntArray
     from obseq.targets.specification import Specification
 
 FORMULA = "DeformImHomography"
@@ -49,6 +49,14 @@ FEWEST = 40
 """Pixels of the smallest fit: twice its unknowns, and some."""
 LATTICES = ((13, 8), (8, 5))
 """Places in a pixel where the drawing is looked at, for small and for large targets; and their generators."""
+SURE = 4.0
+"""Standard deviations that no noise exceeds in the pixels of a target."""
+MEDIAN_SIGMA = 1.4826
+"""Standard deviation of a normal distribution, over the median of its absolute values."""
+FOREIGN = 0.3
+"""Contrasts by which a pixel that shows something else differs at least: drawings, reflections, dirt."""
+FORGIVEN = 0.125
+"""Share of pixels that may: of sheets hidden by a fifth and more, none has a wrong name for it (bench)."""
 BEND_PRIOR = 0.1
 """Sigma of the bend, over the focal length: a distortion k of 0.2 at half a focal length from the middle."""
 MATRIX_PRIOR = 0.3
@@ -188,6 +196,7 @@ class _Iteration:
         self.unknowns[CENTRE] = start.centre
         self.sigma = min(max(start.sigma, SHARPEST), DULLEST)
         self.calculator = calculator(FORMULA)
+        self.forgiven = self.pixels = np.empty(0, dtype=np.int64)
 
     @property
     def placed(self) -> Placed:
@@ -197,7 +206,21 @@ class _Iteration:
         return Placed(u[CENTRE].copy(), matrix, u[PERSPECTIVE].copy(), self.sigma, u[BEND].copy())
 
     def run(self, most_steps: int) -> Fit | None:
-        """The fit; None when the drawing leaves the image or its place."""
+        """The fit; anew where a few pixels show something else. None when the drawing leaves its place."""
+        fit = self._arrived(most_steps)
+        if fit is None or not len(foreign := self._foreign(fit)):
+            return fit
+        self.forgiven = foreign
+        return self._arrived(most_steps) or fit
+
+    def _foreign(self, fit: Fit) -> IntArray:
+        """Pixels that show something else than the target, where they are few."""
+        off = np.abs(fit.residuals)
+        scale = MEDIAN_SIGMA * float(np.median(off))
+        far = off > max(SURE * scale, FOREIGN)
+        return self.pixels[far] if far.mean() <= FORGIVEN else self.pixels[:0]
+
+    def _arrived(self, most_steps: int) -> Fit | None:
         region = region_of(self.spec, self.placed, self.whole)
         last: tuple[FloatArray, FloatRows, FloatArray, FloatRows] | None = None
         for step in range(most_steps):
@@ -256,6 +279,10 @@ class _Iteration:
         if n < FEWEST:
             return None
         rows = rows[:n]
+        self.pixels = (rows[:, 1] * self.image.shape[1] + rows[:, 0]).astype(np.int64)
+        if len(self.forgiven):
+            ours = ~np.isin(self.pixels, self.forgiven)
+            rows, self.pixels, n = rows[ours], self.pixels[ours], int(ours.sum())
         if first:
             self._set_light(rows)
             rows[:, 3:5] *= u[GAIN]
@@ -336,6 +363,7 @@ class _Iteration:
             float(self.unknowns[OFFSET]),
             rows[:, 5:7].copy(),
             residuals / (abs(gain) or 1.0),
+            self.forgiven,
         )
 
 

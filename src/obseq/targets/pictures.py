@@ -117,15 +117,15 @@ def _levels(path: Path, values: Array) -> Array:
     return np.round(values).astype(np.uint16)
 
 
-def png_bytes(pixels: Array) -> bytes:
-    """Pixels (height, width) or (height, width, 3), uint8, as a PNG file.
+def png_bytes(pixels: Array, kind: str = "PNG") -> bytes:
+    """Pixels (height, width) or (height, width, 3), uint8, as a PNG file, or one of another kind (TIFF).
 
     Raises:
         MissingPackageError: Pillow is not installed.
     """
-    require("writing PNG files", "images", "PIL")
+    require("writing images", "images", "PIL")
     from PIL import Image
 
     stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG")
+    Image.fromarray(pixels).save(stream, kind)
     return stream.getvalue()

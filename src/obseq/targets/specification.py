@@ -14,12 +14,12 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
-from obseq.targets.codes import check_bits, least_distance, members, rotated
+from obseq.targets.codes import check_bits, counted, least_distance, members, rotated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray
 
 DRAWING = 1800
 """Pixels across a drawing before it is reduced."""
@@ -195,6 +195,17 @@ class Specification:
         """Least number of bits in which two targets of the set differ."""
         return least_distance(self.codes.values(), self.bits, self.frequency)
 
+    def apart(self, name: str, is_readable: BoolArray) -> int:
+        """Number of the bits that can be read, (bits,), in which the nearest other target differs."""
+        others = [code for code, seen in self.turns.items() if name not in dict(seen)]
+        away = (np.array(others, dtype=np.int64) ^ self.codes[name]) & _mask(is_readable)
+        return int(counted(away).min(initial=self.bits))
+
+    def chance(self, is_readable: BoolArray) -> float:
+        """Share of all patterns of the bits that can be read, (bits,), that targets of the set have."""
+        mask = _mask(is_readable)
+        return len({code & mask for code in self.turns}) / float(1 << int(is_readable.sum()))
+
     def code_of(self, name: str) -> int:
         """The code of a name.
 
@@ -221,3 +232,8 @@ def _even(pixels: float) -> int:
     """Rounded so that the reduced drawing has whole and even sizes."""
     step = 2 * REDUCTION
     return step * math.floor(pixels / step + 0.5)
+
+
+def _mask(bits: BoolArray) -> int:
+    """The word in which some bits, (bits,), are 1."""
+    return sum(1 << k for k in np.flatnonzero(bits).tolist())

@@ -229,10 +229,12 @@ def add_measures(
 
 
 def _measures(table: Table, sigma: float | None) -> ImagePoints:
-    table.allow(("image", "point", "x", "y", "sigma", "sx", "sy"))
+    table.allow(("image", "point", "x", "y", "sigma", "sx", "sy", "sxy"))
     table.require("image", "point", "x", "y")
     xy = np.column_stack([table.numbers(name) for name in "xy"])
     sigmas: FloatArray
+    if "sxy" in table:
+        table.require("sx", "sy")
     if "sigma" in table:
         sigmas = table.numbers("sigma")
     elif "sx" in table:
@@ -245,7 +247,8 @@ def _measures(table: Table, sigma: float | None) -> ImagePoints:
     else:
         sigmas = np.full(len(table), sigma)
     with table.located():
-        return ImagePoints.of(table.texts("image"), table.texts("point"), xy, sigmas)
+        covariances = table.numbers("sxy") if "sxy" in table else 0.0
+        return ImagePoints.of(table.texts("image"), table.texts("point"), xy, sigmas, covariances)
 
 
 @dataclass(frozen=True)

@@ -227,13 +227,15 @@ class Equations:
                 height = self.block.cameras[shutter.shutter.name].height
                 observed = shutter.observations(observed, image, height)
                 blocks["readout"] = np.repeat(shutter.readout, len(image))
+        is_correlated = measures.are_correlated
         return self.system.add(
             formula,
             blocks,
             observed,
-            measures.sigmas[chosen],
+            None if is_correlated else measures.sigmas[chosen],
             lambda row: measures.label(int(rows[row])),
             part.given.name,
+            covariances=measures.matrices[chosen] if is_correlated else None,
             loss=None if weighting is None else weighting.loss,
         )
 

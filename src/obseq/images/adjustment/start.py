@@ -323,7 +323,7 @@ def put_points(
         np.concatenate([part.point[rows] for part, rows in parts]),
         np.concatenate([part.given.measures.xy[rows] for part, rows in parts]),
         np.concatenate([part.given.measures.sigmas[rows] for part, rows in parts]),
-    )
+    )  # without covariances, which change no first place
     found = intersect(rays, poses, cameras)
     coordinates[wanted] = found.coordinates[wanted]
     lost = wanted & ~found.is_placed

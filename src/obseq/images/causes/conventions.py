@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Slip
 from obseq.errors import ObseqError
 from obseq.images.control import ControlPoints
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from obseq.images.camera import Camera
     from obseq.images.causes.evidence import Evidence
 
-FITTING, NEARLY_ALL = 6.0, 0.9
-"""Sigmas within which a measure fits, and the share of them that must."""
+NEARLY_ALL = 0.9
+"""Share of the measures that must fit."""
 PIXELS = 3.0
 """Pixels that it may be off in any case: the others determine points no better."""
 LOOSE = ResectionOptions(triplets=200, max_error=np.inf, covariance=False)
@@ -101,6 +102,6 @@ def _fit(measures: ImagePoints, known: ControlPoints, cameras: dict[str, Camera]
         found = resect(replace(measures).of_points(known.names), known, cameras, LOOSE)
     except ObseqError:
         return False
-    limit = np.maximum(FITTING * found.measures.sigmas, PIXELS)
+    limit = np.maximum(POLICY.suspect * found.measures.sigmas, PIXELS)
     good = (np.abs(np.nan_to_num(found.residuals, nan=np.inf)) < limit).all(axis=1)
     return bool(good.mean() >= NEARLY_ALL)

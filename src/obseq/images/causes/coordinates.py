@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Slip
-from obseq.images.causes.evidence import LIKELY, NEAR
 from obseq.survey.causes.values import COORDINATE, explain
 
 if TYPE_CHECKING:
@@ -23,10 +23,10 @@ def slips_of_a_coordinate(evidence: Evidence, label: tuple[int, ...], change: Ch
     point, axis = label
     start = evidence.numbering.equations.start
     given = float(start.coordinates[point, axis])
-    tolerance = NEAR * float(np.hypot(change.sigma[0], np.sqrt(start.covariances[point, axis, axis])))
+    tolerance = POLICY.near * float(np.hypot(change.sigma[0], np.sqrt(start.covariances[point, axis, axis])))
     told = explain(COORDINATE, given, given - float(change.size[0]), tolerance)
     if told is not None:
-        yield Slip(told.code, told.text, told.chance, told.chance < LIKELY)
+        yield Slip(told.code, told.text, told.chance, told.chance < POLICY.likely)
     elif abs(2.0 * given - float(change.size[0])) < tolerance:
         yield Slip("W105", "its sign is wrong", 0.0, is_strong=True)
 
@@ -53,4 +53,4 @@ def slips_of_a_point(evidence: Evidence, label: tuple[int, ...], change: Change)
 
 
 def _is_near(place: FloatArray, right: FloatArray, spread: FloatArray) -> bool:
-    return bool((np.abs(place - right) <= NEAR * np.maximum(spread, 1e-300)).all())
+    return bool((np.abs(place - right) <= POLICY.near * np.maximum(spread, 1e-300)).all())

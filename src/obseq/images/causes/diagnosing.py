@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, cast
 
+from msgspec import structs
+
 from obseq.diagnosis.engine import diagnose
-from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.policy import POLICY, Policy
 from obseq.diagnosis.verdict import Status
 from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
@@ -21,6 +24,8 @@ from obseq.images.causes.trials import Tries, is_good, may_be_shared, squares
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 from obseq.images.causes.whole_images import images_off, with_images
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
+from obseq.images.output.largest_tests import sizes_of_tests
+from obseq.leastsquares.statistics.hypothesis_tests import robust_spread
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 
 if TYPE_CHECKING:
@@ -33,6 +38,8 @@ if TYPE_CHECKING:
 
 MANY = 3
 """Errors from which one mistake that all observations share is likelier."""
+QUICK = replace(POLICY, steps=0, steps_of_large=0)
+"""Of one start: where it is a robust place, or blocks are very large."""
 MIRRORED = (
     "the block fits as a mirror image only (points behind the cameras, or a distortion that changes sides): "
     "axes of image points or control points are not those of here"
@@ -59,14 +66,16 @@ def diagnosed(
     """
     block = cast("AdjustableBlock", solution.block)
     measures = sum(len(part.measures) for part in block.sets)
-    if solution.sigma0 is None or measures > MOST_MEASURES or options.get("datum") == "none":
+    if solution.sigma0 is None or options.get("datum") == "none":
         return None
     subject = Subject(block, given, solution)
     is_astray = not solution.converged or is_mirrored(solution)
     if has_robust_weights(solution):
         is_bad = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
         fits = Tries(subject, told, options).best() if is_bad and measures <= MOST_PLACED else []
-        return record_of_fits(fits) if fits else None
+        return record_of_fits(fits) if fits else _held_down(block, solution, measures)
+    if measures > MOST_MEASURES:
+        return single_errors(block, solution, measures, QUICK)
     found = single_errors(block, solution, measures)
     if not found.accused and solution.converged and is_good(solution):
         return _of_good(subject, found, told, options)
@@ -93,14 +102,30 @@ def _is_cheaper(fit: Fit, found: DiagnosisRecord) -> bool:
     return fit.left + fit.cause.rarity < found.left + sum(one.limit for one in found.accused)
 
 
-def single_errors(block: AdjustableBlock, solution: BundleSolution, measures: int) -> DiagnosisRecord:
+def _held_down(block: AdjustableBlock, solution: BundleSolution, measures: int) -> DiagnosisRecord | None:
+    """The errors that robust weights hold down, which may be many, by the sigma that most tests have.
+
+    Whether all sigmas are too small is not asked: residuals of robust weights do not tell.
+    """
+    if not solution.result.has_covariances:
+        return None
+    tests = sizes_of_tests(solution, solution.reliability().whole)
+    variance = max(robust_spread(tests[tests > 0.0]), 1.0) ** 2
+    found = single_errors(block, solution, measures, replace(QUICK, variance=variance, most=POLICY.held_down))
+    is_doubtful = found.status == Status.UNEXPLAINED and not found.accused and not found.reason
+    return structs.replace(found, status=Status.ACCEPTED.value) if is_doubtful else found
+
+
+def single_errors(
+    block: AdjustableBlock, solution: BundleSolution, measures: int, policy: Policy = POLICY
+) -> DiagnosisRecord:
     """What the engine finds: single observations, images, parameters."""
     numbering = Numbering(solution.equations, solution.surveys)
     starts = [partial(find, block) for find in (start_from_measures, start_from_images)]
     others = starts if measures <= MOST_PLACED else []
     model = BlockModel(numbering, solution.result, follower(solution.surveys), others)
     with model.borrowed():
-        verdict = diagnose(model)
+        verdict = diagnose(model, policy)
         found = record_of_verdict(verdict, model.catalogue)
         if model.numbering.n <= POLICY.large or verdict.status in (Status.ACCEPTED, Status.EXPLAINED):
             return found
@@ -108,7 +133,7 @@ def single_errors(block: AdjustableBlock, solution: BundleSolution, measures: in
         if not (images := images_off(model, place)).size:
             return found
         model.leave_out(images, place)
-        rest = record_of_verdict(diagnose(model), model.catalogue)
+        rest = record_of_verdict(diagnose(model, policy), model.catalogue)
         return with_images(rest, model, images, squares(solution))
 
 

@@ -14,11 +14,6 @@ if TYPE_CHECKING:
     from obseq.images.camera import Camera
     from obseq.images.causes.numbering import Numbering
 
-NEAR = 3.0
-"""Standard deviations within which a slip fits."""
-LIKELY = 0.02
-"""Chance of a fit by any error, below which it says something."""
-
 
 @dataclass(frozen=True, eq=False)
 class Evidence:

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.cached import cached_property
-from obseq.diagnosis.linear import diagonal, linearised
-from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.linear import linearised, with_priors
+from obseq.diagnosis.policy import LOSSES, NO_WEIGHT, POLICY
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
 from obseq.images.causes.catalogue import Catalogue
 from obseq.images.causes.evidence import Evidence
 from obseq.images.causes.held_parameter import HELD_PARAMETER
 from obseq.images.initial.rough import ROUGH
-from obseq.leastsquares.problem.losses import GemanMcClure, Huber
-from obseq.leastsquares.statistics.final_state import final_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -28,21 +25,17 @@ if TYPE_CHECKING:
     from obseq.diagnosis.hypotheses import Hypotheses
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.protocol import Change, Slip
+    from obseq.images.adjustment.equations import MeasureBatch
     from obseq.images.adjustment.start import Start
     from obseq.images.causes.numbering import Numbering
     from obseq.leastsquares import LeastSquares, LeastSquaresResult
+    from obseq.leastsquares.problem.losses import GemanMcClure, Huber
     from obseq.leastsquares.problem.unknowns import State
 
-STAGES = ((Huber(1.5), 25), (GemanMcClure(8.0), 8), (GemanMcClure(4.0), 8))
-"""Losses of the robust start, and the most iterations with each."""
-ROUNDS = 5
-"""The most with each where they begin at a solution: all of them cost as much as one adjustment."""
+STAGES, ROUNDS = (25, 8, 8), 5
+"""The most iterations with each loss of the robust start; where it begins at a solution, with each."""
 NEAR, ITERATIONS, TOLERANCE = 0.05, 20, 1e-4
 """Standard deviations by which unknowns may still move: after a stage, and after an adjustment."""
-NO_WEIGHT = 1e6
-"""Times its sigma, an observed unknown has no influence."""
-FITTING = 6.0
-"""Sigmas: where most image points are farther off, poses did not start near their places."""
 DAMPED, UNDAMPED = "levenberg-marquardt", "gauss-newton"
 
 
@@ -75,14 +68,15 @@ class BlockModel:
             before: is called before each iteration.
             other_starts: find other poses in turn, where those given are no start.
         """
-        self.numbering, self._result, self._before = numbering, result, before
-        self._other_starts = other_starts
+        self.numbering, self._result = numbering, result
+        self._before, self._other_starts = before, other_starts
         self.catalogue = Catalogue(numbering)
         self._system = numbering.equations.system
         self._table = self._system.unknowns
         self._actives = [batch.active.copy() for batch in numbering.batches]
         self._sigmas = [prior.sigmas.copy() for prior in numbering.priors]
         self._losses = [batch.loss for batch in numbering.batches]
+        self._weights = [batch.weights.copy() for batch in numbering.batches]
         self._state, self._frozen = self._table.state(), self._table.frozen.copy()
         self._given: Place | None = None
         self._evidence: tuple[Place, Evidence] | None = None
@@ -91,8 +85,8 @@ class BlockModel:
     def borrowed(self) -> Iterator[None]:
         """Without losses as long as it lasts; all is as it was afterwards."""
         given = self._actives, self._frozen
+        self._lose(None)
         try:
-            self._lose(None)
             yield
         finally:
             for batch, loss in zip(self.numbering.batches, self._losses, strict=True):
@@ -100,6 +94,8 @@ class BlockModel:
             self._actives, self._frozen = given
             self._put_back()
             self._table.restore(self._state)
+            for batch, weights in zip(self.numbering.batches, self._weights, strict=True):
+                batch.weights[:] = weights
 
     @property
     def hypotheses(self) -> Hypotheses:
@@ -111,12 +107,14 @@ class BlockModel:
         """Whether the adjustment as given had no losses."""
         return all(loss is None for loss in self._losses)
 
+    @property
+    def _ended(self) -> Place | None:
+        return Place(self._result.state) if self._result and self._result.converged else None
+
     @cached_property
     def _solution(self) -> Place | None:
-        if self._result is None or not self._result.converged:
-            return None
-        place = self._given = Place(self._result.state)
-        return place if self._is_plain else self.adjusted(place, ())[0]
+        self._given = self._ended if self._is_plain else None
+        return self._given
 
     def solution(self) -> Place | None:
         """Where the adjustment as given ended; None where it did not converge."""
@@ -126,12 +124,15 @@ class BlockModel:
         """Where iterations with redescending losses lead: from the start, or from poses of the measures.
 
         In a large block a few errors do not carry least squares away: there they begin where these ended.
+        Where the adjustment had robust weights, that is where it ended.
         """
-        if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < FITTING:
+        if not self._is_plain and not without and self._ended:
+            return self._ended
+        if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < POLICY.suspect:
             return self._robustly(self._solution, without)
         found = self._robustly(self.numbering.equations.start, without)
         for other_start in self._other_starts:
-            if self._off(found) < FITTING:
+            if self._off(found) < POLICY.suspect:
                 break
             start = other_start()
             other = found if start is None else self._robustly(start, without)
@@ -147,10 +148,9 @@ class BlockModel:
             try:
                 if not isinstance(start, Place) and start.misfit > ROUGH:
                     approach(self.numbering.equations, DAMPED, {"max_iterations": ITERATIONS})
-                is_near = isinstance(start, Place)
-                for loss, count in STAGES:
+                for loss, count in zip(LOSSES, STAGES, strict=True):
                     self._lose(loss)
-                    rounds, strategy = (ROUNDS, UNDAMPED) if is_near else (count, DAMPED)
+                    rounds, strategy = (ROUNDS, UNDAMPED) if isinstance(start, Place) else (count, DAMPED)
                     self._solve(max_iterations=rounds, tolerance=NEAR, strategy=strategy)
             except ObseqError:
                 pass  # what has been found so far is what there is
@@ -176,13 +176,15 @@ class BlockModel:
         """(m,) how far image points are from where they should be, in sigmas."""
         self._table.restore(place.state)
         found = [
-            np.linalg.norm(self._system.residuals(item.batch) / item.batch.sigmas, axis=1)
+            np.linalg.norm(self._system.residuals(item.batch) / self._sigmas_of(item), axis=1)
             for item in self.numbering.equations.measures
         ]
         return np.asarray(np.nan_to_num(np.concatenate(found), nan=np.inf))
 
+    def _sigmas_of(self, item: MeasureBatch) -> FloatArray:
+        return self.numbering.equations.start.sets[item.part].given.measures.sigmas[item.rows]
+
     def _off(self, place: Place) -> float:
-        """The middle one of them."""
         return float(np.median(self.off(place)[self.numbering.kept]))
 
     def leave_out(self, images: IntArray, place: Place) -> None:
@@ -209,36 +211,14 @@ class BlockModel:
         if result is None or applied or not is_there or not result.has_covariances:
             self._hold(applied)
             result = self._solve(max_iterations=0, covariance=True)
-        linear = self._with_priors(linearised(self._system, result, self.numbering.batches), result)
+        linear = linearised(self._system, result, self.numbering.batches)
+        linear = with_priors(linear, self._system, result, self.numbering.priors)
         columns = self.catalogue.columns(linear)
         off = self._given_coordinates() - self._held_coordinates()
         if off.any():
             first = self.numbering.n + len(self.numbering.parameters)
             linear.residuals[:] += columns.effect(first + np.arange(len(off)), off)
         return linear, columns
-
-    def _with_priors(self, linear: Linear, result: LeastSquaresResult) -> Linear:
-        """The same with the equations of observed unknowns after those of the batches."""
-        from scipy.sparse import block_diag, coo_array, csr_array, vstack
-
-        priors = self.numbering.priors
-        if not priors:
-            return linear
-        state = final_state(self._system, result)
-        weights = np.concatenate([prior.weights for prior in priors])
-        columns = state.equations.free.number[np.concatenate([prior.scalars for prior in priors])]
-        free = np.flatnonzero(columns >= 0)
-        entries = weights[free], (free, columns[free])
-        off = np.concatenate([result.prior_residuals(prior) for prior in priors])
-        own = [diagonal(state.prior_leverages(prior)) for prior in priors]
-        rows = coo_array(entries, shape=(len(weights), linear.rows.shape[1]))
-        return replace(
-            linear,
-            residuals=np.append(linear.residuals, weights * off),
-            rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
-            whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
-            taken=csr_array(block_diag([linear.taken, *own], format="csr")),
-        )
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
         """Where least squares without some errors lead from a place."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Slip
-from obseq.images.causes.evidence import LIKELY, NEAR
 from obseq.survey.causes.values import COORDINATE, explain
 
 if TYPE_CHECKING:
@@ -25,11 +25,11 @@ def slips_of_a_pixel(evidence: Evidence, label: tuple[int, ...], change: Change)
     ((xy,), (sigma,)) = evidence.written(measure)
     spread = np.hypot(change.sigma, sigma)
     yield from _of_another_point(evidence, label[0], xy, spread)
-    right, off = xy - change.size, np.abs(change.size) > NEAR * spread
+    right, off = xy - change.size, np.abs(change.size) > POLICY.near * spread
     for axis in np.flatnonzero(off).tolist() if off.sum() == 1 else ():
-        told = explain(COORDINATE, float(xy[axis]), float(right[axis]), NEAR * float(spread[axis]))
+        told = explain(COORDINATE, float(xy[axis]), float(right[axis]), POLICY.near * float(spread[axis]))
         if told is not None:
-            yield Slip(told.code, f"{told.text} in {'xy'[axis]}", told.chance, told.chance < LIKELY)
+            yield Slip(told.code, f"{told.text} in {'xy'[axis]}", told.chance, told.chance < POLICY.likely)
 
 
 def _of_another_point(evidence: Evidence, measure: int, xy: FloatArray, spread: FloatArray) -> Iterator[Slip]:
@@ -41,14 +41,14 @@ def _of_another_point(evidence: Evidence, measure: int, xy: FloatArray, spread: 
     off = np.linalg.norm((places - xy) / spread, axis=1)
     off[own] = np.inf
     best = int(np.argmin(np.nan_to_num(off, nan=np.inf)))
-    if not off[best] < NEAR:
+    if not off[best] < POLICY.near:
         return
     extent = np.ptp(places[np.isfinite(places[:, 0])], axis=0)
-    chance = float(len(places) * math.pi * NEAR**2 * np.prod(spread) / max(np.prod(extent), 1e-300))
+    chance = float(len(places) * math.pi * POLICY.near**2 * np.prod(spread) / max(np.prod(extent), 1e-300))
     name = numbering.equations.start.points[best]
     others = evidence.of_image(image)
     ((other, _),) = [evidence.written(others[numbering.point[others] == best])]
-    if len(other) and np.linalg.norm((other[0] - places[own]) / spread) < NEAR:
+    if len(other) and np.linalg.norm((other[0] - places[own]) / spread) < POLICY.near:
         yield Slip("W113", f"exchanged with point {name}", chance, is_strong=True)
-    elif chance < LIKELY:
+    elif chance < POLICY.likely:
         yield Slip("W112", f"it is where point {name} is", chance, is_strong=False)

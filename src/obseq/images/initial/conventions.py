@@ -58,7 +58,13 @@ class Convention:
         if images is not None:
             xy = np.where(are_among(measures.image_names, images)[measures.image, None], xy, measures.xy)
         outside = (size > 0.0) & ((xy < -MARGIN) | (xy > size + MARGIN))
-        return None if outside.any() else replace(measures, xy=xy, sigmas=self.scale * measures.sigmas)
+        return None if outside.any() else _scaled(measures, xy, self.scale)
+
+
+def _scaled(measures: ImagePoints, xy: FloatArray, scale: float) -> ImagePoints:
+    return replace(
+        measures, xy=xy, sigmas=scale * measures.sigmas, covariances=scale**2 * measures.covariances
+    )
 
 
 def _upside_down(xy: FloatArray, size: FloatArray) -> FloatArray:

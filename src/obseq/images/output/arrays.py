@@ -86,7 +86,6 @@ def arrays_of(record: BundleRecord) -> BlockArrays:
 def suspected_measures(record: BundleRecord) -> BoolArray:
     """(n,) image points, in the rows of the residuals, that are suspected to be gross errors."""
     marked = np.zeros(len(record.residuals.image), dtype=bool)
-    marked[[item.row for item in record.suspects if item.row is not None]] = True
     accused = () if record.diagnosis is None else record.diagnosis.accused
     marked[[place.row for one in accused for place in one.observations]] = True
     return marked

@@ -13,7 +13,6 @@ from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
 from obseq.images.output.references import AntennaRecord, CheckPointRecord, ShutterRecord
 from obseq.images.output.shares import LARGE, Owners, RejectedShare, rejected_shares
-from obseq.images.output.suspicion import LargestTestsRecord, StandardisedRecord
 from obseq.images.output.testing import BlockReliabilityRecord
 from obseq.records.adjustment import IterationRecord, RunRecord
 from obseq.records.diagnosis import DiagnosisRecord
@@ -212,7 +211,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
 
         A few points that are far are as they should be; where half of all are, the block is not determined.
         """
-        is_clean = not (self.left_out or self.behind or self.suspects or self.weak)
+        is_clean = not (self.left_out or self.behind or self.weak)
         is_clean = is_clean and (self.diagnosis is None or self.diagnosis.is_quiet)
         is_determined = len(self.far) < LARGE * max(len(self.points), 1)
         is_known = is_determined and not (self.failures or self.unchecked)
@@ -227,16 +226,6 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         images = Owners("image", [item.name for item in self.images], self.residuals.image)
         points = Owners("point", [item.name for item in self.points], self.residuals.point)
         return rejected_shares(self.reliability, self.residuals.weight, images, points)
-
-    @property
-    def suspicion(self) -> LargestTestsRecord | None:
-        """The largest tests; None when no precision was asked for, or without redundancy."""
-        return None if self.reliability is None else self.reliability.suspicion
-
-    @property
-    def suspects(self) -> tuple[StandardisedRecord, ...]:
-        """The observations whose tests stand out, the largest first; none where a diagnosis says more."""
-        return () if self.suspicion is None or self.diagnosis is not None else self.suspicion.suspects
 
     def to_json(self) -> str:
         """The text of the result file."""

@@ -91,7 +91,7 @@ def _judged(record: BundleRecord) -> tuple[Level, str]:
     diagnosis, test = record.diagnosis, record.global_test
     if not record.converged:
         return "bad", f"Not usable: {name(record.stopped)}."
-    count = len(record.suspects) if diagnosis is None else len(diagnosis.accused)
+    count = 0 if diagnosis is None else len(diagnosis.accused)
     if count:
         what = "1 error is suspected. Check it" if count == 1 else f"{count} errors are suspected. Check them"
         return "bad", f"Not usable yet: {what}, then adjust again."
@@ -209,19 +209,11 @@ def _tests(record: BundleRecord, limit: float) -> Iterator[Card]:
 
 def _lists(record: BundleRecord, block: BlockArrays) -> tuple[Findings, ...]:
     accused = () if record.diagnosis is None else record.diagnosis.accused
-    suspects = tuple(
-        Finding("bad", name(item.name), name(item.text), f"w {item.w:.1f}", to=_row(item.row))
-        for item in record.suspects
-    )
     found = (
-        Findings("Suspected errors", (*(_accused(record, item) for item in accused), *suspects)),
-        Findings("Worth knowing" if accused or suspects else "Look at first", tuple(_others(record, block))),
+        Findings("Suspected errors", tuple(_accused(record, item) for item in accused)),
+        Findings("Worth knowing" if accused else "Look at first", tuple(_others(record, block))),
     )
     return tuple(part for part in found if part.items)
-
-
-def _row(row: int | None) -> Place | None:
-    return None if row is None else Place("measures", row=row)
 
 
 def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:

@@ -194,9 +194,9 @@ def _parameters(record: BundleRecord) -> Plain:
 
 def _tests(record: BundleRecord) -> Plain | None:
     """The largest tests of all kinds of observation."""
-    if record.suspicion is None or not record.suspicion.largest:
+    found = () if record.reliability is None else record.reliability.largest.largest
+    if not found:
         return None
-    found = record.suspicion.largest
     columns = [
         column("observation", "text", [printable_line(item.name) for item in found]),
         column("w", "number", [item.w for item in found], by_size=True, bar="w"),
@@ -204,9 +204,7 @@ def _tests(record: BundleRecord) -> Plain | None:
         choice("unit", [item.unit or "world units" for item in found]),
         column("weight", "number", [item.weight for item in found]),
     ]
-    spread = 1.0 if not record.suspicion.robust else max(record.suspicion.spread or 1.0, 1.0)
-    about = f"Of observations of all kinds; suspected above {record.suspicion.limit * spread:.2f}."
-    return table("tests", "Largest tests", columns, about=about)
+    return table("tests", "Largest tests", columns, about="Of observations of all kinds.")
 
 
 def _without(record: BundleRecord) -> Plain | None:

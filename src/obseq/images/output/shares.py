@@ -68,9 +68,7 @@ def rejected_shares(
         owners: their images, their points.
     """
     w = np.abs(np.array([tests.all.w_x, tests.all.w_y], dtype=np.float64)).T
-    is_robust, spread = False, 1.0
-    if tests.suspicion is not None:
-        is_robust, spread = tests.suspicion.robust, max(tests.suspicion.spread or 1.0, 1.0)
+    is_robust, spread = tests.largest.robust, max(tests.largest.spread, 1.0)
     counts, sizes = np.isfinite(w), np.nan_to_num(w)
     weak = np.broadcast_to((np.array(weights) < WEAK)[:, None], w.shape)
     n, n_rejected = int(counts.sum()), int((weak & counts if is_robust else sizes > tests.critical).sum())

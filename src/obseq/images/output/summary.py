@@ -18,14 +18,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.images.output.block_record import BundleRecord, CameraRecord
-    from obseq.images.output.suspicion import LargestTestsRecord
     from obseq.images.output.testing import BlockReliabilityRecord
     from obseq.records.diagnosis import DiagnosisRecord
 
 FIRST = 4
 """Names of a list before it is cut."""
 MOST = 12
-"""Rows of a table before it is cut."""
+"""Rows of a table, and lines of errors, before they are cut."""
 STRONG = 0.95
 """Correlation from which two parameters are one thing."""
 SHOWN: dict[str, tuple[tuple[str, ...], str | None]] = {
@@ -42,8 +41,6 @@ SHOWN: dict[str, tuple[tuple[str, ...], str | None]] = {
     "without": ((), None),
 }
 """Tables of the summary: their columns (all where none are named), and by which the worst come first."""
-COMMON = 5.0
-"""Times their sigmas from which most residuals have a cause in common."""
 
 
 def summary(record: BundleRecord, files: Sequence[str] = ()) -> str:
@@ -72,31 +69,16 @@ def suspected(record: BundleRecord) -> str:
     """What is suspected to be wrong, in a line; empty where nothing is."""
     if record.diagnosis is not None and (told := _told(record.diagnosis)):
         return told
-    found, tests = record.suspects, record.suspicion
-    if tests is None or not record.converged:
-        return ""
-    if not found:
-        return _distrusted(record)
-    if not tests.robust and tests.spread is not None and tests.spread > COMMON:
-        return (
-            f"most residuals are {tests.spread:.3g} times what their sigmas say: look for a cause that all "
-            "share (units or axes of coordinates and pixels, focal length, poses, sigmas) before single "
-            f"observations; the largest test is that of {found[0].text}"
-        )
-    if tests.n_suspects == 1 and tests.alike:
-        return _one_of(tests)
-    if tests.n_suspects == 1:
-        return f"a gross error is suspected: {found[0].text}"
-    more = tests.n_suspects - len(found[:FIRST])
-    listed = "; ".join(item.text for item in found[:FIRST])
-    return f"{tests.n_suspects} gross errors are suspected: {listed}" + (f"; and {more} more" if more else "")
+    return _distrusted(record) if record.converged else ""
 
 
 def _told(diagnosis: DiagnosisRecord) -> str:
     """What a diagnosis says: a line for each error, and what is left without them."""
-    lines = [one.text for one in diagnosis.accused]
+    lines = [one.text for one in diagnosis.accused[:MOST]]
     if not lines:
         return diagnosis.reason
+    if (more := len(diagnosis.accused) - MOST) > 0:
+        lines.append(f"and {more} more errors, which the result file names")
     sigma0 = diagnosis.sigma0
     is_single = all(one.test for one in diagnosis.accused)  # of what all share, the text says it
     if diagnosis.status == "explained" and sigma0 is not None and is_single:
@@ -125,16 +107,6 @@ def _distrusted(record: BundleRecord) -> str:
         f"{what} not to be trusted: half of the image coordinates or more are rejected of {listed}; "
         "look for a cause that they share (axes of pixels, names of points or images, camera, pose), or for "
         "sigmas that are too small"
-    )
-
-
-def _one_of(tests: LargestTestsRecord) -> str:
-    """The observations one of which is suspected."""
-    listed = "; ".join(item.text for item in tests.largest[: min(FIRST, 1 + tests.alike)])
-    more = f"; and {1 + tests.alike - FIRST} more" if tests.alike >= FIRST else ""
-    return (
-        f"one of {1 + tests.alike} observations is suspected to be a gross error, and the redundancy does "
-        f"not tell which (or whether they share a cause): {listed}{more}"
     )
 
 
@@ -190,9 +162,9 @@ def _untested(record: BundleRecord) -> str:
     """Why sigma0 is not tested, and what says in its place whether the sigmas are right."""
     if record.redundancy <= 0:
         return "no redundancy, nothing checks the result"
-    spread = None if record.suspicion is None else record.suspicion.spread
-    if spread is None:
+    if record.reliability is None:
         return "robust weights"
+    spread = record.reliability.largest.spread
     return f"robust weights; most residuals are {spread:.3g} times what the sigmas say"
 
 

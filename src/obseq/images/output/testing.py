@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.output.suspicion import LargestTestsRecord, largest_tests
+from obseq.images.output.largest_tests import LargestTestsRecord, largest_tests
 from obseq.records.record import Record
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class BlockReliabilityRecord(Record, frozen=True):
         uncontrolled: coordinates that nothing controls.
         worst: the image points with the largest tests.
         all: the tests of all of them.
-        suspicion: what is the worst among the equations of all kinds; None in older files.
+        largest: the largest tests of the equations of all kinds.
     """
 
     level: float
@@ -84,7 +84,7 @@ class BlockReliabilityRecord(Record, frozen=True):
     uncontrolled: int
     worst: tuple[TestedPointRecord, ...]
     all: TestColumns
-    suspicion: LargestTestsRecord | None = None
+    largest: LargestTestsRecord
 
 
 def reliability_record(solution: BundleSolution) -> BlockReliabilityRecord:

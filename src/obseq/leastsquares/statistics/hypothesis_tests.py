@@ -33,8 +33,6 @@ MEDIAN_TO_SIGMA = 1.4826
 """Standard deviation of a normal variable over the median of its absolute value."""
 WITHIN_THREE = 0.98658
 """Standard deviation of a normal variable that is known to lie within three of its own."""
-MEDIAN_EFFICIENCY = 0.37
-"""Share of the redundancy that counts when a standard deviation is estimated by the median."""
 
 
 @dataclass(frozen=True)
@@ -138,40 +136,6 @@ def tau_critical(level: float, redundancy: int) -> float:
     return bisected(lambda tau: tau_outside(tau, redundancy) > level, 0.0, float(np.sqrt(redundancy)))
 
 
-def scaled_by_others(w: ArrayLike, squares: float, redundancy: int) -> FloatArray:
-    """Standardised residuals over the sigma0 of all other observations, where that is above 1.
-
-    Leaving one observation out lowers the weighted sum of squares by exactly w**2. Sigmas that are all too
-    small make no suspect so, and a gross error does not hide behind the sigma0 that it has spoilt itself.
-
-    Args:
-        w: residuals over their own a priori standard deviations.
-        squares: weighted sum of squares of all residuals.
-        redundancy: its degrees of freedom; below 2 nothing is scaled.
-    """
-    array = np.asarray(w, dtype=np.float64)
-    if redundancy < 2:
-        return array
-    return array / np.sqrt(np.maximum((squares - np.square(array)) / (redundancy - 1), 1.0))
-
-
-def limit_by_others(worst: float, squares: float, redundancy: int, level: float) -> float:
-    """Limit that the scaled |w| of one observation exceeds with probability `level`, nothing being wrong.
-
-    Normal where the sigmas announce what remains without it; else Student's t with one degree less than the
-    redundancy, which is Pope's test of tau.
-    """
-    if redundancy < 2 or squares - worst**2 <= redundancy - 1:
-        return normal_critical(level)
-    return _student_critical(level, redundancy - 1)
-
-
-def _student_critical(level: float, degrees: int) -> float:
-    """Limit of |Student's t|, which Pope's tau of one redundancy more is a function of."""
-    tau = tau_critical(level, degrees + 1)
-    return tau * float(np.sqrt(degrees / (degrees + 1 - tau**2)))
-
-
 def robust_spread(w: ArrayLike) -> float:
     """Standard deviation of variables of which most are normal with mean 0, whatever the others are.
 
@@ -182,16 +146,6 @@ def robust_spread(w: ArrayLike) -> float:
         return 0.0
     most = sizes[sizes <= 3.0 * MEDIAN_TO_SIGMA * np.median(sizes)]
     return float(np.sqrt(np.mean(most**2))) / WITHIN_THREE
-
-
-def limit_by_spread(spread: float, redundancy: int, level: float) -> float:
-    """Limit that |w| over max(spread, 1) exceeds with probability `level`, with `robust_spread`.
-
-    Normal where the sigmas announce the spread; else Student's t with the degrees of freedom that leave a
-    standard deviation as uncertain as the median does, from which `robust_spread` sets out.
-    """
-    degrees = int(MEDIAN_EFFICIENCY * redundancy)
-    return normal_critical(level) if spread <= 1.0 or degrees < 1 else _student_critical(level, degrees)
 
 
 def single_level(level: float, n_tests: int) -> float:

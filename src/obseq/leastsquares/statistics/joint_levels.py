@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from obseq.leastsquares.statistics.distributions import (
     beta_above,
     bisected,
-    chi_square_limit,
     chi_square_tails,
     non_central_above,
 )
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
 
 POWER = 0.80
 """Power that tests of different numbers of equations have in common."""
-_ACCEPTED = 0.025
-"""Probability of a larger sum of squares down to which sigmas are accepted, as by the test of sigma0."""
 _ROUNDS, _ARRIVED = 30, 1e-9
 
 
@@ -71,33 +68,6 @@ def joint_ratio_critical(level: float, power: float, degrees: int, redundancy: i
     if rest <= 0:
         return float("inf")
     return redundancy * _beta_limit(joint_level(level, power, degrees), degrees, rest)
-
-
-def joint_limit_by_others(
-    statistic: float, degrees: int, squares: float, redundancy: int, level: float, power: float
-) -> float:
-    """Limit of T beyond which one gross error explains the residuals better than sigmas that are too small.
-
-    That of the a priori sigmas, times the variance factor of what remains without the error where that is
-    above 1. Where the chi-square test rejects what remains, also times the square of how far it is beyond the
-    limit of that test; but never above the limit of the test against that variance factor as an estimate (F
-    distribution; Pope's tau of one equation), which finds next to nothing with few degrees of freedom.
-
-    Args:
-        statistic: T.
-        degrees: its degrees of freedom.
-        squares: weighted sum of squares of all residuals.
-        redundancy: its degrees of freedom.
-        level: of the test of one equation.
-        power: that both have for one error.
-    """
-    own, rest = joint_critical(level, power, degrees), redundancy - degrees
-    remains = squares - statistic
-    if rest <= 0 or remains <= rest:
-        return own
-    beyond = max(remains / chi_square_limit(rest, above=_ACCEPTED), 1.0)
-    share = _beta_limit(joint_level(level, power, degrees), degrees, rest)
-    return remains * min(own / rest * beyond**2, share / (1.0 - share))
 
 
 @lru_cache

@@ -58,10 +58,13 @@ class Set3D:
 
 @dataclass(frozen=True)
 class Set2D:
-    """A folder of image measures and their weighting, pixels; None for what is not used."""
+    """A folder of image measures and their weighting, pixels; None for what is not used.
+
+    Without a sigma (SI 0), measures have the variances and covariances of their files.
+    """
 
     folder: str
-    sigma: float
+    sigma: float | None
     attenuation: float | None = None
     threshold: float | None = None
     exponent: float = 1.0
@@ -187,7 +190,11 @@ def _point_sets(given: dict[str, Value], *, has_images: bool) -> tuple[tuple[Set
 def _set2d(row: Sequence[Value], name: str) -> Set2D:
     numbers = [number_at(row, k, name) for k in range(1, len(row))]
     more = [value if value > 0.0 else None for value in numbers[1:3]] + [None] * (3 - len(numbers))
-    return Set2D(word_at(row, 0), numbers[0], more[0], more[1], numbers[3] if len(numbers) > 3 else 1.0)
+    if numbers[0] == 0.0 and len(numbers) > 1:
+        raise InputError(f"{name}: SI 0 takes the covariances of the files, and no At, Thr, Exp beside")
+    return Set2D(
+        word_at(row, 0), numbers[0] or None, more[0], more[1], numbers[3] if len(numbers) > 3 else 1.0
+    )
 
 
 def _ties(given: dict[str, Value], folder: str) -> tuple[Set2D, ...]:

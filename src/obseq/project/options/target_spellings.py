@@ -43,6 +43,11 @@ def _with_geometry(name: str, given: Value) -> list[str]:
     raise InputError(f"{name}: circles are taken as horizontal; only spots at their points get names")
 
 
+def _idle(options: dict[str, str]) -> list[Option]:
+    """Options that are accepted and do nothing, with what they are."""
+    return [Option(name, f"{what}, not needed here", _without_effect) for name, what in options.items()]
+
+
 def _extracting(name: str, about: str, more: tuple[str, ...], idle: dict[str, str], example: str) -> Spelling:
     return Spelling(
         name,
@@ -55,7 +60,7 @@ def _extracting(name: str, about: str, more: tuple[str, ...], idle: dict[str, st
             Option("Restrict", "pattern of the names that are kept", value("--only")),
             Option("ZoomVisuEllipse", "draws what was found, in VISU", _drawn),
             Option("ZoomVisuLabel", "the same", _drawn),
-            *(Option(option, f"{what}, not needed here", _without_effect) for option, what in idle.items()),
+            *_idle(idle),
         ),
         example,
         "Places are those of least squares of the drawing: true centres, with their variances.",
@@ -129,7 +134,29 @@ TARGETS = (
         "CodedTargetCircExtract '.*JPG' CERN_Nbb14_Freq14_Hamm1_Run1000_1000_FullSpecif.xml "
         "OutPointsMeasure=TargetsC",
     ),
-    Spelling("CodedTargetSimul", "", "makes images of targets; here: obseq targets simulate"),
+    Spelling(
+        "CodedTargetSimul",
+        "simulate-targets",
+        "puts targets into images, at places that are written",
+        (Form((IMAGES, "SPECIFICATION"), in_order(0, 1)),),
+        (
+            Option("OutPointsMeasure", "folder of the measures (Simul)", value("--out")),
+            Option("OutObjMesInstr", "the same, as it is called since 2025", value("--out")),
+            Option("Radius", "least and greatest half side, pixels", values("--radius")),
+            Option("Ratio", "of the sides, as they are seen", values("--ratio")),
+            Option("PatNames", "pattern of the names", value("--names")),
+            Option("NoiseAmpl", "noise, over 128 grey levels", values("--noise")),
+            Option("PropLinBias", "change of the light", values("--ramp")),
+            Option("ContrastAtten", "loss of contrast", values("--grey")),
+            Option("MulAtten", "loss of light", values("--dark")),
+            Option("SuplPref", "after SimulTarget_ in names", value("--prefix")),
+            *_idle(
+                {"SzK": "size of a kernel", "Border": "margin of the image", "AmplHomogDef": "perspective"}
+            ),
+        ),
+        "CodedTargetSimul '.*tif' CERN_Nbb14_Freq14_Hamm1_Run1000_1000_FullSpecif.xml Radius=[20,50]",
+        "Targets are seen in perspective by a camera, with blur; those that find no place are named.",
+    ),
     Spelling(
         "CodedTargetCompleteUncoded",
         "complete-targets",

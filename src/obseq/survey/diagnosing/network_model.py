@@ -9,12 +9,11 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.diagnosis.linear import linearised
-from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.policy import LOSSES, NO_WEIGHT, POLICY
 from obseq.errors import ObseqError, SingularSystemError
 from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.strategies import GaussNewton
-from obseq.leastsquares.problem.losses import GemanMcClure, Huber
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, Catalogue
 from obseq.survey.causes.effects import Effects
 from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
@@ -41,9 +40,7 @@ if TYPE_CHECKING:
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
-NO_WEIGHT = 1e6
-"""Times its sigma, an observation has no influence; what it alone determines stays where it is."""
-_STAGES = ((Huber(1.5), 14, 0.3), (GemanMcClure(8.0), 6, 0.1), (GemanMcClure(4.0), 6, 0.1))
+_STAGES = tuple(zip(LOSSES, (14, 6, 6), (0.3, 0.1, 0.1), strict=True))
 """Losses of the robust start, the most iterations with each, and how near they come (standard deviations)."""
 _FOLLOW = 3
 """Verticals and refraction are computed anew after so many iterations of the robust start."""
