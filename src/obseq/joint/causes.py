@@ -11,8 +11,9 @@ from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
 from obseq.diagnosis.linear import linearised, with_priors
+from obseq.diagnosis.policy import LOSSES, NO_WEIGHT
 from obseq.errors import ObseqError
-from obseq.images.causes.model import DAMPED, ITERATIONS, NEAR, NO_WEIGHT, STAGES, TOLERANCE, Place
+from obseq.images.causes.model import DAMPED, ITERATIONS, NEAR, STAGES, TOLERANCE, Place
 from obseq.images.causes.other_observation import OTHER
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SuspectRecord
 
@@ -113,7 +114,7 @@ class JointModel:
         self._system.unknowns.restore(self._start)
         with self._changed(without):
             try:
-                for loss, count in STAGES:
+                for loss, count in zip(LOSSES, STAGES, strict=True):
                     self._lose([loss] * len(self._batches))
                     self._solve(count, NEAR)
             except ObseqError:

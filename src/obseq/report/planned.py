@@ -106,8 +106,8 @@ def _drawn(record: PlanRecord) -> Iterator[Card]:
 
 def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
     if found := limited(record):
-        point, size, alone = found
-        text = f"{name(point)} is known to {small(size)} in space; the sights alone leave {small(alone)}."
+        point, full, alone = found
+        text = f"{name(point)} is known to {small(full)} in space; the sights alone leave {small(alone)}."
         step = DATUM_STEP.removeprefix("Next: ")
         yield Finding("warn", "The datum limits the precision", text, step=step, to=Place(point=rows[point]))
     for weak in record.weakest_points[:MOST]:
@@ -137,13 +137,13 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
             "without limit" if item.external is None else f"up to {item.external:.1f} standard deviations"
         )
         row = places.get(item.observation)
-        seen = None if row is None else observations[row]
+        sighted = None if row is None else observations[row]
         yield Finding(
             "warn",
-            name(item.observation) if seen is None else findings.sight(seen),
+            name(item.observation) if sighted is None else findings.sight(sighted),
             f"{least[:1].upper()}{least[1:]} {seen}; it moves a coordinate {effect}.",
             f"r {item.redundancy:.2f}",
-            "" if seen is None else f"{name(files[seen.file])}:{seen.line}",
+            "" if sighted is None else f"{name(files[sighted.file])}:{sighted.line}",
             step="another observation to this point.",
             to=None if row is None else Place("observations", row=row),
         )
