@@ -133,6 +133,7 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
     level = record.reliability
     if level is None or record.gross_errors:
         return
+    files = short_names(row.file for row in record.observations)
     found = [(abs(row.standardised_residual or 0.0), k) for k, row in enumerate(record.observations)]
     for size, k in sorted(found, reverse=True)[:MOST_BEYOND]:
         row = record.observations[k]
@@ -144,7 +145,7 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
                 sight(row),
                 text,
                 f"w {row.standardised_residual:.2f}",
-                f"{name(row.file)}:{row.line}",
+                f"{name(files[row.file])}:{row.line}",
                 to=Place("observations", row=k),
             )
 
