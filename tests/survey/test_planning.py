@@ -281,3 +281,14 @@ def test_what_limits_a_plan_is_said(tmp_path):
     places = [item.to for item in shown.lists[0].items if item.level == "warn" and item.where]
     rows = records["datum"].adjustment.observations
     assert all(place.table == "observations" and rows[place.row].redundancy < 0.5 for place in places)
+
+
+def test_a_plan_of_known_points_is_said_to_determine_nothing(tmp_path):
+    lines = point_text().splitlines()
+    known = [f"1 {' '.join(line.split()[1:5])} 0.001 0.001 0.001" for line in lines]
+    (tmp_path / "plan.cor").write_text("\n".join(known) + "\n")
+    (tmp_path / "plan.obs").write_text(observation_text())
+    record = plan(Network.read(tmp_path / "plan.obs", tmp_path / "plan.cor"), with_gains=False).record()
+    assert "every point is known already" in plan_summary(record)
+    shown = planned_page.shown(record)
+    assert (shown.verdict.level, "determines nothing" in shown.verdict.text) == ("warn", True)

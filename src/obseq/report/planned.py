@@ -11,7 +11,7 @@ from obseq.report.content_plan import plan_tables
 from obseq.report.head import Card, Finding, Findings, Page, Place, Verdict, counted, share, strip
 from obseq.report.named import short_names
 from obseq.report.page import adjustment_page, document
-from obseq.report.planning import DATUM_STEP, draws_told, limited
+from obseq.report.planning import DATUM_STEP, draws_told, is_known, limited
 from obseq.report.said import bearing, name, small
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def _verdict(record: PlanRecord) -> Verdict:
     if planned.left_out:
         what = counted(len(planned.left_out), "point or station", "points and stations")
         return Verdict("warn", f"The plan does not determine {what}.", detail)
-    if all((point.known or "").lower() == "xyz" for point in planned.points):
+    if is_known(record):
         return Verdict("warn", "Every point is known already: the plan determines nothing.", detail)
     worst = record.weakest_points[0].sigma if record.weakest_points else None
     text = (
@@ -105,7 +105,7 @@ def _drawn(record: PlanRecord) -> Iterator[Card]:
 
 
 def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
-    if found := limited(record):
+    if (found := limited(record)) and not is_known(record):
         point, full, alone = found
         text = f"{name(point)} is known to {small(full)} in space; the sights alone leave {small(alone)}."
         step = DATUM_STEP.removeprefix("Next: ")

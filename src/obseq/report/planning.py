@@ -73,10 +73,17 @@ def limited(record: PlanRecord) -> tuple[str, float, float] | None:
     return None
 
 
+def is_known(record: PlanRecord) -> bool:
+    """Whether every point is known already, so that the plan determines nothing."""
+    return all((point.known or "").lower() == "xyz" for point in record.adjustment.points)
+
+
 def _limited(record: PlanRecord) -> Iterator[str]:
-    """That the known points limit the plan, where they do."""
+    """That all points are known, or that the known ones limit the plan."""
     found = limited(record)
-    if found is not None:
+    if is_known(record):
+        yield "Warning: every point is known already: the plan determines nothing."
+    elif found is not None:
         small = units_of(record.adjustment).small_length
         name, whole, own = found
         yield f"The datum limits the precision, not the sights: {name} {small.text(whole)} in space,"
