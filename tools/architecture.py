@@ -132,19 +132,15 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "images": {
         "model": (),
-        "given": (),
         "names": (),
-        "weighting": (),
-        "clinometers": (),
-        "measures": ("names", "given"),
+        "measures": ("names",),
         "camera": ("names", "model"),
-        "poses": ("names", "given"),
-        "control": ("names", "given"),
+        "poses": ("camera", "names"),
+        "control": ("names",),
         "measure_checks": ("camera", "measures", "names"),
-        "visibility": ("poses", "camera"),
-        "parts": ("poses", "measures", "clinometers", "weighting"),
+        "parts": ("poses", "measures"),
         "rigid": ("poses", "names"),
-        "references": ("control", "names", "given"),
+        "references": ("control", "names"),
         "block": (
             "references",
             "rigid",
@@ -154,10 +150,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
             "poses",
             "camera",
             "measures",
-            "clinometers",
-            "weighting",
             "names",
-            "given",
         ),
         "initial": ("block", "measure_checks", "control", "poses", "camera", "measures", "names"),
         "adjustment": (
@@ -166,12 +159,10 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
             "references",
             "rigid",
             "parts",
-            "visibility",
             "control",
             "poses",
             "camera",
             "measures",
-            "clinometers",
             "names",
         ),
         "aerial": ("initial",),
@@ -237,7 +228,7 @@ PATH = """\
 1. `formats/obs`: a line of an OBS file becomes a row of a field book, with its file and line.
 2. `survey/model`: rows are columns of numbers; stations and rounds are found from their order.
 3. `survey/initial`: points without coordinates and unknown orientations get their first values.
-4. `survey/adjustment`: rows of one kind become a batch of one formula, in metres and radians.
+4. `survey/equations`: rows of one kind become a batch of one formula, in metres and radians.
 5. `leastsquares/problem`: the batch is checked once, and copied into the padded rows of tiles.
 6. `leastsquares/assembly` and `loops`: tile by tile, the `generated` kernel gives residuals and derivatives,
    which are weighted and added to the normal equations; the Jacobian never goes to memory.

@@ -4,7 +4,6 @@ from .block import Block as Block
 from .bundle import BundleAdjustment as BundleAdjustment
 from .camera import Camera as Camera
 from .camera import median_camera as median_camera
-from .clinometers import Clinometer as Clinometer
 from .control import ControlPoints as ControlPoints
 from .initial.distribution import Distribution as Distribution
 from .initial.distribution import check_distribution as check_distribution
@@ -22,6 +21,8 @@ from .initial.resection import resect as resect
 from .initial.three_points import poses_of_triplets as poses_of_triplets
 from .measures import ImagePoints as ImagePoints
 from .model import CameraModel as CameraModel
+from .parts import Clinometer as Clinometer
+from .parts import Weighting as Weighting
 from .poses import Poses as Poses
 from .poses import RigidMotion as RigidMotion
 from .rigid import Exposures as Exposures
@@ -35,4 +36,3 @@ from .uncalibrated.eleven import UncalibratedResection as UncalibratedResection
 from .uncalibrated.eleven import resect_uncalibrated as resect_uncalibrated
 from .uncalibrated.planes import PlaneResection as PlaneResection
 from .uncalibrated.planes import resect_on_plane as resect_on_plane
-from .weighting import Weighting as Weighting
