@@ -323,3 +323,17 @@ def test_a_part_of_a_network_says_what_it_belongs_to(job, tmp_path, name):
     job(*QUIET)
     with pytest.raises(InputError, match=r"adjust the command file \(\.snp\) that names it"):
         Network.read_project(tmp_path / name)
+
+
+def test_checked_coordinates_beyond_a_right_angle_are_diagnosed(job):
+    """Longitudes of 173 degrees are no latitudes: what exchanges them is no explanation, and no failure."""
+    record = Network.read_project(job(*QUIET, "mode 3d data_check")).adjust().record()
+    assert record.n_unknowns == 2
+    assert record.failures == ()
+    assert record.diagnosis.accused
+
+
+def test_a_plan_in_which_nothing_is_unknown_gains_nothing(job, tmp_path, monkeypatch, capsys):
+    job(*QUIET, "fix all", "mode 3d network_analysis")
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", "net.snp"]) in (0, 1), capsys.readouterr().err
