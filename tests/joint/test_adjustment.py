@@ -245,14 +245,68 @@ def test_its_parts_are_views(site: Site, solution) -> None:
     assert "MeanHeight: 1 observations" in report and "accepted" in report
 
 
-def test_a_blunder_in_a_formula_of_ones_own_is_suspected(site: Site) -> None:
+def test_a_wrong_observation_of_any_formula_is_named(site: Site, solution) -> None:
     import copy
 
+    assert solution.diagnosis.is_quiet and "wrong:" not in solution.report()
     wrong = copy.copy(site.adjustment)
     wrong._equations = list(site.adjustment._equations)
-    wrong.add("Dist3D", p1="S2", p2="T3", sigma=1e-3, distance=3.0)
-    label, w = wrong.solve().suspected()[0]
-    assert label == "Dist3D S2 T3" and abs(w) > 100.0
+    true = float(np.linalg.norm(np.subtract(*solution.points(["S2", "T3"]))))
+    wrong.add("Dist3D", p1="S2", p2="T3", sigma=1e-3, distance=true + 0.05)
+    found = wrong.solve()
+    label, w = found.suspected()[0]
+    assert label == "Dist3D S2 T3" and abs(w) > 30.0
+    (accused,) = found.diagnosis.accused
+    assert accused.what == "Dist3D S2 T3"
+    assert accused.size[0] == pytest.approx(0.05, abs=5e-3)
+    assert "wrong: Dist3D S2 T3" in found.report()
+
+
+def test_wrong_observations_without_images_are_named_with_their_sizes() -> None:
+    """A scalar, a vector of two and a known value; two errors at once."""
+    rng, site = np.random.default_rng(3), obseq.Adjustment()
+    at = dict(zip("ABCDEFGH", rng.uniform(0.0, 100.0, (8, 3)), strict=True))
+    site.add_points(list("ABC"), [at[name] for name in "ABC"], 0.001)
+    site.add_points(list("DEFGH"), [at[name] + rng.normal(0.0, 0.1, 3) for name in "DEFGH"])
+    pairs = [(p, q) for p in at for q in at if p < q]
+    lengths = [float(np.linalg.norm(at[p] - at[q]) + rng.normal(0.0, 0.001)) for p, q in pairs]
+    lengths[pairs.index(("D", "G"))] += 0.1
+    lengths[pairs.index(("B", "F"))] -= 0.03
+    ends = [list(end) for end in zip(*pairs, strict=True)]
+    site.add("Dist3D", p1=ends[0], p2=ends[1], distance=lengths, sigma=0.001)
+    found = site.solve()
+    sizes = {one.what: one.size[0] for one in found.diagnosis.accused}
+    assert sizes == {
+        "Dist3D D G": pytest.approx(0.1, abs=0.005),
+        "Dist3D B F": pytest.approx(-0.03, abs=0.005),
+    }
+    assert found.diagnosis.status == "explained"
+
+
+def test_a_network_and_a_block_are_opened(site: Site, solution) -> None:
+    """What they hold is in it, and they stay as they are: together as the block with the survey in it."""
+    import copy
+
+    block, (network,) = site.adjustment._block, site.adjustment._networks
+    opened = obseq.Adjustment.of(network, block)
+    found = opened.solve()
+    joined = copy.copy(block)
+    joined.surveys = []
+    joined.add_survey(network)
+    assert found.sigma0 == pytest.approx(joined.solve().sigma0, rel=1e-9)
+    opened.add(
+        "Dist3D",
+        p1="S1",
+        p2="im1",
+        distance=float(np.linalg.norm(np.subtract(*found.points(["S1", "im1"])))),
+        sigma=1e-4,
+    )
+    assert opened.solve().result.redundancy == found.result.redundancy + 1
+    view = found.network()
+    np.testing.assert_array_equal(view.points.coordinates, found.points(view.points.names))
+    assert np.abs(view.points.coordinates[:3] - network.points.coordinates[:3]).max() > 0.0
+    with pytest.raises(InputError, match="survey 1: 1 are in this adjustment"):
+        found.network(1)
 
 
 @pytest.mark.parametrize(

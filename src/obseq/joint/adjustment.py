@@ -63,6 +63,19 @@ class Adjustment:
         self._held: list[tuple[str, str]] = []
         self._equations: list[NamedEquation] = []
 
+    @classmethod
+    def of(cls, *parts: Network | BundleAdjustment) -> Adjustment:
+        """Survey networks and a block of images, opened: anything may be added, they stay as they are."""
+        from obseq.survey import Network
+
+        opened = cls()
+        for part in parts:
+            if isinstance(part, Network):
+                opened.add_survey(part)
+            else:
+                opened.add_images(part)
+        return opened
+
     # What there is
 
     def add_images(self, block: BundleAdjustment) -> None:
@@ -219,6 +232,7 @@ class Adjustment:
         also = dict(self._block.camera_of) if self._block else {}
         place_points(system, self._unplaced(system), self._equations, also)
         batches = self._join(system, also)
+        start = system.unknowns.state()
         result = system.solve(
             max_iterations,
             tolerance,
@@ -227,9 +241,8 @@ class Adjustment:
             progress=progress,
             strategy=strategy,
         )
-        return JointSolution(
-            system, result, tuple(zip(self._equations, batches, strict=True)), part, tuple(surveys)
-        )
+        equations = tuple(zip(self._equations, batches, strict=True))
+        return JointSolution(system, result, equations, part, tuple(surveys), start)
 
     def _images(
         self, system: LeastSquares

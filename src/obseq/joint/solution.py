@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.adjustment.surveys import follower
+from obseq.images.causes.diagnosing import single_errors
+from obseq.joint.causes import diagnosis_of
 from obseq.joint.named import KNOWN_AS
 from obseq.leastsquares import global_test, reliability
 
@@ -17,12 +21,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import FloatArray
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.start import Start
     from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.images.block import Block
     from obseq.joint.named import NamedEquation
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult, Reliability
+    from obseq.leastsquares.problem.unknowns import State
+    from obseq.records.diagnosis import DiagnosisRecord
+    from obseq.survey import Network
 
 
 class ImagePart(NamedTuple):
@@ -43,6 +51,7 @@ class JointSolution:
         equations: each equation of one's own with its batch.
         images_part: the block of images in the system; None without one.
         surveys: the survey networks: their coordinates and residuals.
+        start: of the unknowns.
     """
 
     system: LeastSquares
@@ -50,6 +59,7 @@ class JointSolution:
     equations: tuple[tuple[NamedEquation, Batch], ...]
     images_part: ImagePart | None
     surveys: tuple[JoinedSurvey, ...]
+    start: State
 
     @property
     def sigma0(self) -> float | None:
@@ -66,6 +76,32 @@ class JointSolution:
         if self.images_part is None:
             raise InputError("there is no block of images in this adjustment (add_images)")
         return BundleSolution(*self.images_part, self.result, self.result.iterations, self.surveys)
+
+    def network(self, number: int = 0) -> Network:
+        """A survey network with its points where they were found.
+
+        Raises:
+            InputError: There is none of that number.
+        """
+        if not 0 <= number < len(self.surveys):
+            raise InputError(f"survey {number}: {len(self.surveys)} are in this adjustment, from 0 on")
+        survey = self.surveys[number]
+        points = replace(survey.network.points, coordinates=survey.coordinates(self.result))
+        return replace(survey.network, points=points)
+
+    @cached_property
+    def diagnosis(self) -> DiagnosisRecord | None:
+        """What contradicts the rest: observations of any formula, known values; None where nothing can tell.
+
+        With images, the errors that images and control points have are looked for too.
+        """
+        if self.sigma0 is None:
+            return None
+        if self.images_part is not None:
+            block = cast("AdjustableBlock", self.images_part.block)
+            count = sum(len(part.measures) for part in block.sets)
+            return single_errors(block, self.images, count)
+        return diagnosis_of(self.system, self.result, self.start, follower(self.surveys))
 
     def points(self, names: Sequence[str]) -> FloatArray:
         """(n, 3) coordinates of points, or of projection centres of images."""
@@ -100,15 +136,15 @@ class JointSolution:
         return sorted(found, key=lambda one: -abs(one[1]))
 
     def report(self) -> str:
-        """A page of text: counts, the test of sigma0, sums of squares, what is suspected, own unknowns."""
+        """A page of text: counts, the test of sigma0, sums of squares, what is wrong, own equations."""
         lines = [self.result.summary().rstrip()]
         if self.result.redundancy:
             test = global_test(self.result)
             low, high = test.sigma0_limits
             verdict = "accepted" if test.passed else "rejected"
             lines.append(f"sigma0 {test.sigma0:.4f}, expected {low:.4f} to {high:.4f}: {verdict}")
-        suspected = self.suspected() if self.result.has_covariances and self.result.redundancy else []
-        lines += [f"suspected: {label}, {w:+.2f} sigmas" for label, w in suspected]
+        if self.result.has_covariances and self.diagnosis:
+            lines += [f"wrong: {one.text}" for one in self.diagnosis.accused]
         for number, (equation, _) in enumerate(self.equations):
             residuals = self.residuals(number)
             worst = int(np.argmax(np.abs(residuals).max(axis=1)))
