@@ -129,11 +129,12 @@ class Search(Generic[Place]):
         return best
 
     def _too_many(self, robust: Place) -> int:
-        """How many rows are off at a robust place, where that is more than may be accused; else 0."""
+        """How many rows are off at a robust place, where that is more than may be accused, or told; else 0."""
         tests = self._tests(robust)
         rows = self._hypotheses.columns[self._hypotheses.starts[:-1][self._hypotheses.is_start]]
         count = int(np.count_nonzero(np.abs(tests.off[rows]) > self._policy.suspect))
-        return count if count > self._policy.half * tests.linear.redundancy else 0
+        least = max(self._policy.most, self._policy.half * tests.linear.redundancy)
+        return count if count > least else 0
 
     def _by_one(self, solution: Place) -> Explanation[Place] | None:
         """One hypothesis that explains all that least squares show, and is proved by its adjustment."""
