@@ -11,6 +11,7 @@ from obseq.errors import InputError
 from obseq.project.cameras import read_orientation
 from obseq.project.contents import contents
 from obseq.project.instrument_blocks import read_instrument_block
+from obseq.project.instrument_making import axis_of
 from obseq.project.layout import ProjectTree
 from obseq.project.options.bundle_options import ClinometerOptions, parse_options
 from obseq.project.rigid_blocks import pose_tree, read_block
@@ -286,3 +287,70 @@ def test_options_of_blocks_are_read_as_mmvii_writes_them():
 def test_options_of_blocks_that_mean_nothing_are_refused(words, message):
     with pytest.raises(InputError, match=message):
         parse_options(words)
+
+
+def test_a_body_from_nothing_to_its_adjustment(panel, monkeypatch, capsys):
+    """Readings in gon are imported, the body is named, placed, and adjusted, by MMVII's commands."""
+    monkeypatch.chdir(panel)
+    poses, _ = read_orientation(panel / "MMVII-PhgrProj/Ori/BA")
+    axes = {"a": np.array([0.6, 0.0, 0.8]), "b": np.array([0.8, 0.1, -0.6])}
+    rng, lines = np.random.default_rng(2), ["# exposure, and for each clinometer its name, gon, sigma"]
+    for image in poses.images:
+        if image.startswith("043"):
+            words = [image.split("_")[1]]
+            for name, axis in axes.items():
+                sine = poses[image].rotation[2] @ axis / np.linalg.norm(axis)
+                words += [name, f"{np.degrees(np.arcsin(sine)) / 0.9 + rng.normal(0, 0.005):.5f}", "0.005"]
+            lines.append(" ".join(words))
+    (panel / "tilts.txt").write_text("\n".join(lines) + "\n")
+    assert main(["import-clinometers", "tilts.txt", "ImNASNAS", "Mc", "--unit=gon"]) == 0
+    for line in (
+        "BlockInstrEdit B0 PatsIm4Cam=['.*_Scaled.tif','.*_(.*)_Scaled.tif'] InMeasureClino=Mc NameBloc=B",
+        "BlockInstrEdit B0 CstrOrthog=[[a,b,0.1]] NameBloc=B",
+        "BlockInstrInitCam .* B0 BA B1 NameBloc=B",
+        "BlockInstrInitClino .* B1 BA Mc In NameBloc=B",
+    ):
+        assert main(["mmvii", *line.split()]) == 0, capsys.readouterr().err
+    made = read_instrument_block(panel / "MMVII-PhgrProj/InstrBlock/In/FileRB_B.xml")
+    assert [item.name for item in made.clinometers] == ["a", "b"] and made.right_angles == {("a", "b"): 0.1}
+    for item in made.clinometers:
+        true = axes[item.name] / np.linalg.norm(axes[item.name])
+        np.testing.assert_allclose(item.axis, true, atol=2e-3)
+        assert made.instruments[item.name][1] == pytest.approx(0.005 * np.pi / 200, rel=0.6)
+    (pair,) = made.pairs.values()
+    assert pair[0] == pytest.approx(1.33e-4 * 1000, rel=0.5)  # mm: as the original's block of the panel
+    found = _run(panel, "BOI=[[B,10,10]]", "InMeasureClino=Mc", "ClinoBOI=[[B,1,1]]")
+    for one, axis in zip(found["clinometers"], axes.values(), strict=True):
+        np.testing.assert_allclose(one["axis"], axis / np.linalg.norm(axis), atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("form", "text", "said"),
+    [
+        ("ImAX", "1 0.1 0.2", "is no format of readings"),
+        ("ImNAA", "1 a 0.1 0.2", "each of the 2 clinometers has a name"),
+        ("ImNA", "1 a 0.1\n2 b 0.2", "tilts.txt:2: has the clinometers b; before, a"),
+        ("ImA", "1 0.1\n1 0.2", "exposure"),
+        ("ImA", "1 zero", "tilts.txt:1: could not convert"),
+        ("ImAA", "1 0.1", "tilts.txt:1: has 2 fields; ImAA takes 3"),
+        ("ImA", "# nothing", "holds no readings"),
+    ],
+)
+def test_files_of_readings_that_do_not_do_are_refused(tmp_path, monkeypatch, capsys, form, text, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tilts.txt").write_text(text + "\n")
+    assert main(["mmvii", "ImportMeasuresClino", "tilts.txt", form, "Mc"]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_images_that_are_tilted_alike_say_nothing_of_an_axis():
+    up = np.array([[0.1, 0.2, 0.97]] * 5)
+    with pytest.raises(InputError, match="tilted alike"):
+        axis_of(up, np.zeros(5), "c")
+    rng = np.random.default_rng(1)
+    turns = rng.normal([0.0, 0.0, 1.0], 0.2, (40, 3))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    axis = np.array([0.36, 0.48, 0.8])
+    found = axis_of(turns, turns @ axis + rng.normal(0.0, 1e-4, 40), "c")
+    assert np.linalg.norm(found) == pytest.approx(1.0)
+    np.testing.assert_allclose(found, axis, atol=2e-3)

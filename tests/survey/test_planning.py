@@ -105,7 +105,7 @@ def test_drawn_errors_agree_with_the_prediction_and_with_nothing_else(planned):
     assert found.draws.agrees
     assert abs(found.draws.ratio - 1.0) < 0.15
     assert abs(found.draws.sigma0 - 1.0) < 0.1
-    from obseq.survey.planning.draws import compared, draw
+    from obseq.survey.planning.simulation import compared, draw
 
     drawn = draw(Simulation(planned), 80, 3)
     too_small = replace(found.adjustment.points, covariances=found.adjustment.points.covariances / 2.0)

@@ -34,7 +34,8 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
             "project-contents",
             "change-sysco",
         ),
-        "project_targets": ("extract-targets", "complete-targets", "refine-circles"),
+        "project_targets": ("extract-targets", "simulate-targets", "complete-targets", "refine-circles"),
+        "project_instruments": ("import-clinometers", "edit-instruments", "init-cameras", "init-clinometers"),
     },
     "Checks": {
         "causes": ("causes",),

@@ -34,6 +34,8 @@ WORDS = {
     "file": "what is imported",
     "format": "fields of a line: N X Y Z, and A, Sx Sy Sz, Sxyz, ? or S (skip), Bla (the rest)",
     "folder": "folder of metadata (MetaData)",
+    "block": "folder of instrument blocks (InstrBlock)",
+    "readings": "folder of readings of clinometers (MeasureClino)",
     "mode": "what the rules give: Focalmm, FocalPix, PPPix, Aperture, ModelCam, NbPixel, AdditionalName",
 }
 

@@ -62,7 +62,7 @@ def rigid_block_of(
     if not found.pairs:
         raise InputError(f"{found.path}: SigmasPairs is empty: no pair of cameras is observed")
     every = {pair: _pair_sigmas(found, pair, given) for pair in found.pairs}
-    exposures = _exposures(found, camera_of)
+    exposures = exposures_of(found, camera_of)
     poses = list(places.values())
     return RigidBlock(
         found.name,
@@ -133,7 +133,8 @@ def _gauge(found: InstrumentBlock, given: InstrumentOptions) -> Gauge | None:
     return first, second
 
 
-def _exposures(found: InstrumentBlock, camera_of: Mapping[str, str]) -> Exposures:
+def exposures_of(found: InstrumentBlock, camera_of: Mapping[str, str]) -> Exposures:
+    """Which images, with their calibrations, a block's cameras took together."""
     by_name = {camera.calibration: camera for camera in found.cameras}
     taken: dict[tuple[str, str], str] = {}
     for image, calibration in camera_of.items():
@@ -175,7 +176,7 @@ def _add_clinometers(
     readings: ClinometerReadings,
     exposures: Exposures,
 ) -> None:
-    carried = _carried(found, exposures)
+    carried = carried_images(found, exposures)
     names = [item.name for item in found.clinometers]
     if set(readings.names) != set(names):
         raise InputError(
@@ -206,7 +207,7 @@ def _reading_sigma(found: InstrumentBlock, name: str) -> float:
     return sigma
 
 
-def _carried(found: InstrumentBlock, exposures: Exposures) -> dict[str, str]:
+def carried_images(found: InstrumentBlock, exposures: Exposures) -> dict[str, str]:
     """The images of the camera that carries the clinometers, by exposure."""
     if found.carriers != (found.master,):
         raise InputError(

@@ -83,6 +83,10 @@ class ProjectTree:
         path = None if "/" in word else file_in(self.root / TREE / SYSTEMS, word)
         return word if path is None else read_definition(path)
 
+    def calibrations(self) -> set[str]:
+        """Names of the calibrations that any orientation of the project has."""
+        return {path.stem for path in (self.root / TREE / "Ori").glob("*/Calib*")}
+
     def images(self, selection: str, measures: Path | None = None) -> list[str]:
         """Names of the images that have measures and are in a list, or match a pattern as a whole.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.project.options.bundle_options import KNOWN, TOPO
+from obseq.project.options.instrument_spellings import INSTRUMENTS
 from obseq.project.options.spelling import Form, Option, Spelling, as_typed, in_order, switch, value, values
 from obseq.project.options.target_spellings import TARGETS
 
@@ -187,6 +188,7 @@ SPELLINGS = (
         ),
         'BlockCamInit SetFiltered_GCP_OK_Resec.xml Resec "(.*)_(.*).JPG" [1,2] RigInit',
     ),
+    *INSTRUMENTS,
     Spelling(
         "OriBundleAdj",
         "bundle-adjust",

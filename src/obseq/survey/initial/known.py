@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, FloatRows
-    from obseq.survey.sights.steps import Cause
+    from obseq.survey.sights.sights import Cause
 
 Matrix = tuple[Space, Space, Space]
 """A 3 x 3 matrix by rows, as plain numbers: single points are computed faster without arrays."""

@@ -18,7 +18,7 @@ from obseq.survey.initial.known import Known, minus, plus, times, transposed_tim
 from obseq.survey.initial.placement import Level, Placement
 from obseq.survey.initial.relations import central_angle
 from obseq.survey.model import Orientation
-from obseq.survey.sights.steps import Step, step_of
+from obseq.survey.sights.sights import Step, step_of
 
 if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
