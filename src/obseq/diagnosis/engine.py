@@ -129,7 +129,7 @@ class Search(Generic[Place]):
         return best
 
     def _too_many(self, robust: Place) -> int:
-        """How many rows are off at a robust place, where that is more than may be accused, or told; else 0."""
+        """How many rows are off at a robust place, if more than may be accused, or told; else 0."""
         tests = self._tests(robust)
         rows = self._hypotheses.columns[self._hypotheses.starts[:-1][self._hypotheses.is_start]]
         count = int(np.count_nonzero(np.abs(tests.off[rows]) > self._policy.suspect))
