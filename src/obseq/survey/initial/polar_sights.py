@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from obseq.survey.initial.known import plus, scaled, times, transposed_times, turned
+from obseq.survey.initial.closed_forms import plus, scaled
+from obseq.survey.initial.known import times, transposed_times, turned
 from obseq.survey.model import Orientation
 from obseq.survey.sights.sights import Step
 

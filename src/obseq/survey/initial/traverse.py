@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.survey.initial.closed_forms import wrap
-from obseq.survey.initial.known import minus, plus, times, transposed_times, turned
+from obseq.survey.initial.closed_forms import minus, plus, wrap
+from obseq.survey.initial.known import times, transposed_times, turned
 from obseq.survey.model import Orientation
 from obseq.survey.sights.sights import GIVEN, Step
 from obseq.survey.sights.ways import PlumbWays, Views, Ways, find_ways

@@ -147,7 +147,9 @@ def plan(
     network = replace(network, points=network.fieldwork.points)  # heights that nothing observes are none
     simulation = Simulation(network)
     mask = _mask(network, counted)
-    wanted = replace(quality or Quality(), a_priori=True, snooping=None, variance_components=False)
+    wanted = replace(
+        quality or Quality(), a_priori=True, inner=True, snooping=None, variance_components=False
+    )
     exact = simulation.without_errors()
     adjustment = exact.adjust(start=simulation.truth, quality=wanted, progress=progress)
     adjustment = replace(adjustment, notes=(*_notes(given), *adjustment.notes))
