@@ -5,12 +5,9 @@ from dataclasses import dataclass
 
 import sympy
 
-from obseq.codegen.counting import operations
 from obseq.codegen.differentiate import Jacobian, jacobians
-from obseq.codegen.expression_graph import ExpressionGraph
-from obseq.codegen.products import share_products
-from obseq.codegen.signs import share_signs
-from obseq.codegen.terms import collect_terms
+from obseq.codegen.expression_graph import ExpressionGraph, operations
+from obseq.codegen.products import collect_terms, share_products, share_signs
 from obseq.codegen.translate import graph_of
 from obseq.formulas.base import Formula
 

@@ -7,11 +7,15 @@ that all quotients of one denominator share, multiples of one node are added, an
 is computed once, in whatever order it is asked for.
 """
 
-from collections.abc import Container
+from __future__ import annotations
+
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.codegen.operators import OPERATORS
+
+if TYPE_CHECKING:
+    from collections.abc import Container
 
 CONSTANT = "constant"
 INPUT = "input"
@@ -45,7 +49,7 @@ class ExpressionGraph:
     _monomials: dict[int, Monomial] = field(default_factory=dict)
     _products: dict[Monomial, int] = field(default_factory=dict)
 
-    def copy(self) -> "ExpressionGraph":
+    def copy(self) -> ExpressionGraph:
         """A graph of the same nodes, that grows on its own."""
         return ExpressionGraph(
             self.nodes.copy(),
@@ -265,3 +269,8 @@ class ExpressionGraph:
                 seen.add(node)
                 pending.extend(() if node in known else self.nodes[node].operands)
         return sorted(seen)
+
+
+def operations(graph: ExpressionGraph, outputs: list[int]) -> int:
+    """Operations to compute some outputs together, every shared node once; a function call counts as one."""
+    return sum(graph.nodes[node].operator not in (CONSTANT, INPUT) for node in graph.reachable(outputs))

@@ -4,17 +4,13 @@
 """
 
 import keyword
-from collections.abc import Iterable
-from pathlib import Path
 
 from obseq.codegen.c_text import polynomial
-from obseq.codegen.compiler import Derived, derive
+from obseq.codegen.compiler import Derived
 from obseq.codegen.modules import module_name
 from obseq.codegen.operators import OPERATORS, SEGMENT, SINC_SLOPE
 from obseq.codegen.printing import Dialect, Printer, Store
 from obseq.errors import FormulaError
-from obseq.formulas.base import Formula
-from obseq.writing import write_all
 
 WORDS = frozenset({*keyword.kwlist, *OPERATORS, "unknowns", "observations", "residuals", "jacobian", "jnp"})
 JAX = Dialect("{} = {}", "{} = {}", "# {}", WORDS)
@@ -89,18 +85,6 @@ def {function}(unknowns, observations):
         jnp.stack([jnp.asarray(value) for value in jacobian]).reshape({residuals}, {n}),
     )
 '''
-
-
-def write_functions(formulas: Iterable[Formula], folder: Path) -> list[Path]:
-    """Writes a module with a JAX function for each formula in a folder, which is created; gives the files.
-
-    Raises:
-        FormulaError: A formula has no JAX text.
-        InputError: The folder cannot be written.
-    """
-    texts = {folder / f"{module_name(formula.name)}.py": jax(derive(formula)) for formula in formulas}
-    write_all(texts)
-    return list(texts)
 
 
 def jax(derived: Derived) -> str:

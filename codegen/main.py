@@ -4,11 +4,11 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from obseq.codegen import ondemand
-from obseq.codegen.c99 import write_headers
-from obseq.codegen.cpp import write_classes
-from obseq.codegen.cuda import write_kernels
+from obseq.codegen.c99 import WITH_DERIVATIVES, cpp, cuda, header
+from obseq.codegen.compiler import Derived, derive
 from obseq.codegen.documentation import FOLDER, render_pages
 from obseq.codegen.files import (
     Change,
@@ -20,22 +20,37 @@ from obseq.codegen.files import (
     render_all,
     render_modules,
 )
-from obseq.codegen.jax_text import write_functions
-from obseq.codegen.modules import REPORT, Module, recorded_operations
-from obseq.codegen.new_project import write_project
+from obseq.codegen.jax_text import jax
+from obseq.codegen.modules import REPORT, Module, module_name, recorded_operations
 from obseq.codegen.pipeline import shown
-from obseq.codegen.project import Project, find_project
+from obseq.codegen.project import Project, find_project, write_project
 from obseq.errors import ObseqError
 from obseq.formulas.base import Formula
 from obseq.module_texts import OWN
+from obseq.writing import write_all
 
-TARGETS: dict[str, tuple[Callable[[list[Formula], Path], list[Path]], str]] = {
-    "c99": (write_headers, "C99 headers"),
-    "cpp": (write_classes, "C++ classes that are called as MMVII's"),
-    "jax": (write_functions, "JAX functions"),
-    "cuda": (write_kernels, "CUDA kernels"),
+
+class Target(NamedTuple):
+    """Another language.
+
+    Attributes:
+        text: what says a formula in it.
+        file: what its file is called, after the name of the formula and of its module.
+        what: what the files are.
+    """
+
+    text: Callable[[Derived], str]
+    file: str
+    what: str
+
+
+TARGETS = {
+    "c99": Target(header, "{module}.h", "C99 headers"),
+    "cpp": Target(cpp, f"CodeGen_c{{name}}{WITH_DERIVATIVES}.h", "C++ classes that are called as MMVII's"),
+    "jax": Target(jax, "{module}.py", "JAX functions"),
+    "cuda": Target(cuda, "{module}.cu", "CUDA kernels"),
 }
-"""Other languages: the option, what writes a file for each formula, and what these are."""
+"""Other languages, by the option that asks for them: a file for each formula."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,16 +67,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.stages:
             print("\n\n".join("\n".join(shown(formula)) for formula in formulas))
             return 0
-        for target, (write, what) in TARGETS.items():
-            if folder := getattr(options, target):
-                written = write(formulas, folder)
-                print(f"wrote {len(written)} {what} in {folder}")
+        for option, target in TARGETS.items():
+            if folder := getattr(options, option):
+                written = write_texts(target, formulas, folder)
+                print(f"wrote {len(written)} {target.what} in {folder}")
                 return 0
         print(f"reads {project}")
         return _run(project, formulas, options)
     except ObseqError as error:
         print(f"gencode: {error}", file=sys.stderr)
         return 2
+
+
+def write_texts(target: Target, formulas: Sequence[Formula], folder: Path) -> list[Path]:
+    """Writes a file for each formula in a folder, which is created; gives the files.
+
+    Raises:
+        FormulaError: A formula cannot be said in that language.
+        InputError: The folder cannot be written.
+    """
+    texts = {
+        folder / target.file.format(name=formula.name, module=module_name(formula.name)): target.text(
+            derive(formula)
+        )
+        for formula in formulas
+    }
+    write_all(texts)
+    return list(texts)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -79,8 +111,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--stages", action="store_true", help="only show what each stage of the generator makes of them"
     )
-    for target, (_, what) in TARGETS.items():
-        parser.add_argument(f"--{target}", type=Path, metavar="DIR", help=f"only write {what} in this folder")
+    for option, target in TARGETS.items():
+        what = f"only write {target.what} in this folder"
+        parser.add_argument(f"--{option}", type=Path, metavar="DIR", help=what)
     return parser
 
 

@@ -238,6 +238,7 @@ DEMO_LOOPS = (
     "obseq.leastsquares.loops.block_places",
     "obseq.leastsquares.loops.blocks_to_matrix",
     "obseq.leastsquares.loops.leverages",
+    "obseq.leastsquares.loops.sorting",
     "obseq.leastsquares.solvers.dense_loops",
 )
 

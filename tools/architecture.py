@@ -130,6 +130,50 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "planning": ("network", "adjustment", "equations", "initial", "sights", "model", "kinds"),
         "maps": (),
     },
+    "images": {
+        "model": (),
+        "names": (),
+        "measures": ("names",),
+        "camera": ("names", "model"),
+        "poses": ("camera", "names"),
+        "control": ("names",),
+        "measure_checks": ("camera", "measures", "names"),
+        "parts": ("poses", "measures"),
+        "rigid": ("poses", "names"),
+        "references": ("control", "names"),
+        "block": (
+            "references",
+            "rigid",
+            "parts",
+            "measure_checks",
+            "control",
+            "poses",
+            "camera",
+            "measures",
+            "names",
+        ),
+        "initial": ("block", "measure_checks", "control", "poses", "camera", "measures", "names"),
+        "adjustment": (
+            "initial",
+            "block",
+            "references",
+            "rigid",
+            "parts",
+            "control",
+            "poses",
+            "camera",
+            "measures",
+            "names",
+        ),
+        "aerial": ("initial",),
+        "causes": ("adjustment", "initial", "parts", "control", "poses", "camera", "measures", "names"),
+        "epipolar": ("aerial", "camera"),
+        "placing": ("causes", "adjustment", "initial", "poses", "measures"),
+        "output": ("causes", "adjustment", "block", "camera"),
+        "bundle": ("placing", "adjustment"),
+        "satellite": ("output", "aerial", "adjustment", "control", "measures", "names"),
+        "uncalibrated": ("bundle", "initial", "control", "poses", "camera", "measures", "names"),
+    },
     "formats": {
         "columns": (),
         "default_sigmas": (),
@@ -146,6 +190,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "dynadjust": ("columns", "includes", "project"),
         "sinex": ("dynadjust", "columns", "project"),
         "gvx": ("dynadjust", "project"),
+        "snap": ("dynadjust", "includes", "project"),
         "starnet": ("columns", "default_sigmas", "includes", "levelled_points", "project", "stochastic"),
         "landxml": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
         "fieldbooks": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
@@ -163,6 +208,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "opk": (),
         "aicon": ("blocks", "fitted"),
         "colmap": ("blocks", "camera_terms", "fitted"),
+        "calibrations": ("colmap",),
         "opensfm": ("blocks", "camera_terms", "fitted"),
         "rpc": ("blocks",),
         "nvm": ("blocks",),
@@ -182,7 +228,7 @@ PATH = """\
 1. `formats/obs`: a line of an OBS file becomes a row of a field book, with its file and line.
 2. `survey/model`: rows are columns of numbers; stations and rounds are found from their order.
 3. `survey/initial`: points without coordinates and unknown orientations get their first values.
-4. `survey/adjustment`: rows of one kind become a batch of one formula, in metres and radians.
+4. `survey/equations`: rows of one kind become a batch of one formula, in metres and radians.
 5. `leastsquares/problem`: the batch is checked once, and copied into the padded rows of tiles.
 6. `leastsquares/assembly` and `loops`: tile by tile, the `generated` kernel gives residuals and derivatives,
    which are weighted and added to the normal equations; the Jacobian never goes to memory.

@@ -21,7 +21,7 @@ LIBRARY = (
     (r"EqColinearityCamPPC_.*Backward.*", "images/camera.py", f"{BLOCKS}: image points, inverse distortion"),
     (r"EqColinearityRolling_.*", "images/adjustment/equations.py", f"{BLOCKS}: shutters that roll"),
     (r"AntennaPosition", "images/adjustment/reference_equations.py", f"{BLOCKS}: positions of an antenna"),
-    (r"Clino_0_3|VNormOrthog", "images/adjustment/clinometer_equations.py", f"{BLOCKS}: clinometers"),
+    (r"Clino_0_3|VNormOrthog", "images/adjustment/reference_equations.py", f"{BLOCKS}: clinometers"),
     (r"BlocRigid|RigidPair|KnownRotation", "images/adjustment/rigid_equations.py", f"{BLOCKS}: rigid blocks"),
     (r"Dist3D", "images/adjustment/equations.py", f"{BLOCKS}: scale bars"),
     (r"DeformImHomography", "targets/measuring.py", "coded targets: their centres in images"),

@@ -80,12 +80,10 @@ def grid(folder: Path) -> Any:
     lines = []
     for origin in stations:
         targets = [k for k in range(20) if 0.0 < np.linalg.norm(places[k] - places[origin]) < 130.0]
-        code = 7
-        for target in targets:
+        for code, target in zip([7] + [5] * len(targets), targets, strict=False):
             length = np.linalg.norm(places[target] - places[origin])
             lines += [f"{code} P{origin} P{target} 0 0.0006", f"6 P{origin} P{target} 100 0.001"]
             lines.append(f"3 P{origin} P{target} {length:.4f} 0.002")
-            code = 5
     (folder / "site.obs").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return simulate(Network.read(folder / "site.obs", folder / "site.cor", frame="Local"), noise=False)
 

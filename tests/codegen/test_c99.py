@@ -45,7 +45,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     source = []
     for name in SAMPLE:
         identifier = module_name(name)
-        (folder / f"{identifier}.h").write_text(header(derive(FORMULAS[name]), identifier), "utf-8")
+        (folder / f"{identifier}.h").write_text(header(derive(FORMULAS[name])), "utf-8")
         source.append(f'#include "{identifier}.h"')
         source.append(
             f"void {identifier}(const double *u, const double *o, double *r, double *both, double *j);\n"
@@ -76,7 +76,7 @@ def test_c_gives_what_the_kernel_gives(library: ctypes.CDLL, name: str) -> None:
 
 
 def test_the_order_of_arguments_is_documented() -> None:
-    text = header(derive(FORMULAS["TopoHz"]), "topo_hz")
+    text = header(derive(FORMULAS["TopoHz"]))
     assert "unknowns[9]: Ci_x, Ci_y, Ci_z, Wi_x, Wi_y, Wi_z, P_to_x, P_to_y, P_to_z." in text
     assert "jacobian[1 * 9]: residual i by unknown j at jacobian[i * 9 + j]." in text
     assert text.count("#include") == 1 and "#include <math.h>" in text
@@ -84,7 +84,7 @@ def test_the_order_of_arguments_is_documented() -> None:
 
 def test_constant_entries_of_the_jacobian_are_written() -> None:
     """The C function has no prefilled buffer: structural zeros and ones are stores like the others."""
-    text = header(derive(FORMULAS["TopoSubFrame"]), "topo_sub_frame")
+    text = header(derive(FORMULAS["TopoSubFrame"]))
     assert "jacobian[0] = 0.0;" in text
     assert len([line for line in text.splitlines() if line.strip().startswith("jacobian[")]) == 27
 
@@ -98,7 +98,7 @@ class _KeywordsAsNames(Formula):
 
 
 def test_reserved_names_are_changed() -> None:
-    text = header(derive(_KeywordsAsNames()), "keywords")
+    text = header(derive(_KeywordsAsNames()))
     assert "const double register_ = unknowns[0];" in text
     assert "const double jacobian_ = observations[0];" in text
 
@@ -106,7 +106,7 @@ def test_reserved_names_are_changed() -> None:
 def test_an_operator_without_c_text_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(OPERATORS, "wrap_angle", replace(OPERATORS["wrap_angle"], c=None))
     with pytest.raises(FormulaError, match=r"TopoHz: the operator wrap_angle has no C text"):
-        header(derive(FORMULAS["TopoHz"]), "topo_hz")
+        header(derive(FORMULAS["TopoHz"]))
 
 
 def test_every_operator_has_a_c_text() -> None:

@@ -2,10 +2,8 @@
 
 import pytest
 
-from obseq.codegen.counting import operations
-from obseq.codegen.expression_graph import ExpressionGraph
-from obseq.codegen.products import PREFERENCES, share_products
-from obseq.codegen.terms import collect_terms
+from obseq.codegen.expression_graph import ExpressionGraph, operations
+from obseq.codegen.products import PREFERENCES, collect_terms, share_products
 
 
 def test_products_of_the_same_factors_share_the_common_pair():

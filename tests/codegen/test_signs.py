@@ -1,8 +1,7 @@
 """Opposites of products with a common factor share one sign."""
 
-from obseq.codegen.counting import operations
-from obseq.codegen.expression_graph import ExpressionGraph
-from obseq.codegen.signs import share_signs
+from obseq.codegen.expression_graph import ExpressionGraph, operations
+from obseq.codegen.products import share_signs
 
 
 def entries(graph: ExpressionGraph, factors: str) -> list[int]:

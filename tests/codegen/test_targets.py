@@ -10,9 +10,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from obseq.codegen.c99 import cpp, cuda
 from obseq.codegen.compiler import derive
-from obseq.codegen.cpp import cpp
-from obseq.codegen.cuda import cuda
 from obseq.codegen.jax_text import FROM_JAX, HELPERS, jax
 from obseq.codegen.main import main
 from obseq.codegen.modules import module_name

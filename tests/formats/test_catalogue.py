@@ -63,7 +63,7 @@ def test_what_nobody_knows_lists_what_is_read(tmp_path: Path) -> None:
 
 def test_help_lists_all_of_them(capsys) -> None:
     with pytest.raises(SystemExit):
-        main(["adjust", "--help"])
+        main(["adjust", "--help-all"])
     assert " ".join(listing().split()) in " ".join(capsys.readouterr().out.split())
 
 

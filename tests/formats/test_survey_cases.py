@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -183,8 +184,9 @@ def test_centring_by_hand():
 
     given = {"direction": 1e-5, "distance": 1e-3, "distance-ppm": 2e-5, "zenith": 1e-5}
     centring = {"instrument-centring": 3e-3, "target-centring": 4e-3, "vertical-centring": 1e-3}
-    network = StochasticModel({**given, **centring}).weighing(network_from_tables(*TABLES))
-    found = network.book.observations.sigmas
+    model, network = StochasticModel({**given, **centring}), network_from_tables(*TABLES)
+    book, taken = model.weighed(network.book)
+    found = model.centring(replace(network, book=book), taken).book.observations.sigmas
     plan, height = 25e-6, 2e-6
     assert found[0] == pytest.approx(np.sqrt(1e-10 + plan / 2500), rel=1e-12)
     slope = (1e-3 + 2e-5 * np.sqrt(2600)) ** 2 + (2500 * plan + 100 * height) / 2600
@@ -202,6 +204,49 @@ def test_an_angle_has_the_centring_of_three_points(tmp_path):
     network = Network.read_project(tmp_path / "a.dat", sigmas=sigmas)
     expected = (np.pi / 648000) ** 2 + 5e-6 * (1 / 900 + 1 / 1600)
     assert network.book.observations.sigmas[0] == pytest.approx(np.sqrt(expected), rel=1e-6)
+
+
+ONE_FACE = """#VERT
+7 A B 0 0.001
+6 A B 95 0.001
+6 A C 99 0.001
+6 A D 101 0.001
+#VERT
+6 B D 98 0.001
+6 B D 302 0.001
+6 B C 99 0.001
+3 A B 50 0.002
+"""
+
+
+def test_the_index_is_common_to_the_zenith_angles_of_a_set_up(tmp_path):
+    """Three sights of A share it, one of B has it alone, the mean of both faces at B has none of it."""
+    (tmp_path / "o.obs").write_text(ONE_FACE)
+    points = {"A": (0, 0, 0), "B": (50, 0, 4), "C": (20, 60, 1), "D": (-30, 40, -1)}
+    known = [f"1 {name} {x} {y} {z} 0 0 0" for name, (x, y, z) in points.items()]
+    (tmp_path / "p.cor").write_text("\n".join([*known, ""]))
+    (tmp_path / "w.toml").write_text('iso-17123-3 = "2sec"\nindex-setting = "3sec"\n')
+    network = Network.read(
+        tmp_path / "o.obs", tmp_path / "p.cor", frame="Local", stochastic=tmp_path / "w.toml"
+    )
+    second, (cluster,) = np.pi / 648_000, network.book.clusters
+    own = 2.0 * (2.0 * second) ** 2
+    np.testing.assert_allclose(cluster.covariance, np.eye(3) * own + (3.0 * second) ** 2, rtol=1e-12)
+    rows = network.book.observations
+    of = {network.book.label(row).split(" (")[0]: rows.sigmas[row] for row in np.flatnonzero(rows.active)}
+    assert of["Zen B -> C"] == pytest.approx(np.hypot(np.sqrt(own), 3.0 * second))
+    assert of["Zen B -> D"] == pytest.approx(2.0 * second)
+    assert "common to the zenith angles of each set-up (4 in one face)" in " ".join(network.book.warnings)
+
+
+def test_a_data_sheet_may_be_given_as_it_stands(tmp_path):
+    (tmp_path / "w.toml").write_text('iso-17123-3 = "1sec"\niso-17123-2 = "0.3mm"\nzenith = "4sec"\n')
+    found = read_stochastic(tmp_path / "w.toml").default
+    second = np.pi / 648_000
+    assert found["direction"] == pytest.approx(np.sqrt(2.0) * second)
+    assert found["angle"] == pytest.approx(2.0 * second)
+    assert found["zenith"] == pytest.approx(4.0 * second)
+    assert found["height-per-km"] == pytest.approx(0.3e-3 * np.sqrt(2.0))
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,13 @@
 """Chunks of Metashape: what they say is what we say; what has no place here is refused by its line."""
 
+import struct
 import zipfile
 
 import numpy as np
 import pytest
 
 from obseq.errors import InputError
+from obseq.formats.blocks.observations import Carried, carry_antennas
 from obseq.formats.metashape.reader import read_metashape
 
 METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
@@ -220,3 +222,111 @@ def test_an_archive_of_photoscan_holds_its_chunks_inside(tmp_path):
     block, _ = read_metashape(tmp_path / "block.psz")
     assert block.poses.images == ("a.jpg", "b.jpg")
     assert block.control.sigmas[0].tolist() == [0.01, 0.01, 0.02]
+
+
+def ply(columns, rows):
+    """A binary PLY of vertices."""
+    types = {"f": "float", "i": "int", "I": "uint"}
+    properties = "".join(f"property {types[kind]} {name}\n" for name, kind in columns)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{properties}end_header\n"
+    return head.encode() + b"".join(struct.pack("<" + "".join(k for _, k in columns), *row) for row in rows)
+
+
+POINT = (("x", "f"), ("y", "f"), ("z", "f"), ("id", "I"))
+MARK = (("x", "f"), ("y", "f"), ("size", "f"), ("id", "i"))
+CLOUD = """<point_cloud><tracks path="t.ply"/><points path="o.ply"/>
+<projections camera_id="3" path="p3.ply"/><projections camera_id="5" path="p5.ply"/>
+<projections camera_id="9" path="p9.ply"/></point_cloud></frame></frames>"""
+TIES = {
+    "o.ply": ply(POINT, [(0.5, 0.0, 1.0, 7), (1.0, 0.5, 0.0, 4), (2.0, 0.0, 0.0, 11)]),
+    "p3.ply": ply(MARK, [(1000.0, 700.0, 2.0, 4), (900.0, 650.0, 1.0, 7), (10.0, 20.0, 1.0, 99)]),
+    "p5.ply": ply(MARK, [(700.0, 600.0, 0.5, 7), (800.0, 620.0, 1.0, 4), (300.0, 300.0, 1.0, 11)]),
+}
+
+
+def archived(folder, **changed):
+    whole = METASHAPE.replace("{b}", "").replace("{reference}", LOCAL).replace("</frame></frames>", CLOUD)
+    ties = '<property name="accuracy_tiepoints" value="0.7"/>'
+    whole = whole.replace("<settings>", f"<settings>{ties}")
+    whole = whole.replace("<chunk label", "<chunks><chunk label").replace("</chunk>", "</chunk></chunks>")
+    with zipfile.ZipFile(folder / "block.psz", "w") as archive:
+        archive.writestr("doc.xml", whole)
+        for name, data in (TIES | changed).items():
+            archive.writestr(name, data)
+    return folder / "block.psz"
+
+
+def test_tie_points_of_an_archive_have_their_places_and_scales(tmp_path):
+    """World: 2 R p + (100, 200, 300), R turns x to y; sigmas are the accuracy times the scale."""
+    block, _ = read_metashape(archived(tmp_path))
+    (measures,) = [one.measures for one in block.sets if one.name == "tie points"]
+    found = {
+        (measures.image_names[i], measures.point_names[p]): (*xy, sigma)
+        for i, p, xy, sigma in zip(
+            measures.image, measures.point, measures.xy.tolist(), measures.sigmas[:, 0].tolist(), strict=True
+        )
+    }
+    assert found == {
+        ("a.jpg", "tie 4"): pytest.approx((1000.0, 700.0, 1.4)),
+        ("a.jpg", "tie 7"): pytest.approx((900.0, 650.0, 0.7)),
+        ("b.jpg", "tie 4"): pytest.approx((800.0, 620.0, 0.7)),
+        ("b.jpg", "tie 7"): pytest.approx((700.0, 600.0, 0.35)),
+    }
+    np.testing.assert_allclose(block.approximations["tie 7"], [100.0, 201.0, 302.0], atol=1e-5)
+    np.testing.assert_allclose(block.approximations["tie 4"], [99.0, 202.0, 300.0], atol=1e-5)
+    assert any("seen in one image, or in none, and are left out: tie 11" in note for note in block.notes)
+
+
+def test_frames_and_tie_points_of_a_project_have_archives_of_their_own(tmp_path):
+    whole = METASHAPE.replace("{b}", "").replace("{reference}", LOCAL)
+    chunk = whole[whole.index("<chunk") : whole.index("</document>")]
+    start, end = chunk.index("<frame id"), chunk.index("</frames>")
+    frame = chunk[start:end].replace("</frame>", '<point_cloud path="pc/pc.zip"/></frame>')
+    inner = CLOUD[: CLOUD.index("</frame>")]
+    parts = {
+        "project.zip": {
+            "doc.xml": '<document><chunks><chunk id="0" path="0/chunk.zip"/></chunks></document>'
+        },
+        "0/chunk.zip": {"doc.xml": chunk[:start] + '<frame id="0" path="0/frame.zip"/>' + chunk[end:]},
+        "0/0/frame.zip": {"doc.xml": frame},
+        "0/0/pc/pc.zip": {"doc.xml": inner, **TIES},
+    }
+    for name, members in parts.items():
+        (tmp_path / "p.files" / name).parent.mkdir(parents=True, exist_ok=True)
+        with zipfile.ZipFile(tmp_path / "p.files" / name, "w") as archive:
+            for inside, data in members.items():
+                archive.writestr(inside, data)
+    (tmp_path / "p.psx").write_text('<document version="1.2.0" path="{projectname}.files/project.zip"/>')
+    block, _ = read_metashape(tmp_path / "p.psx")
+    assert sorted(len(one.measures.point) for one in block.sets) == [2, 4]
+    assert block.approximations["tie 7"] == pytest.approx([100.0, 201.0, 302.0])
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"p3.ply": b"ply\nformat ascii 1.0\n"}, "p3.ply is no binary PLY"),
+        ({"p3.ply": TIES["p3.ply"][:-3]}, "p3.ply is cut short"),
+        ({"p3.ply": ply(POINT[:3], [(1.0, 2.0, 3.0)])}, "has not the columns x, y, id"),
+    ],
+)
+def test_a_wrong_archive_of_tie_points_is_told(tmp_path, changed, message):
+    with pytest.raises(InputError, match=r"block\.psz: .*") as caught:
+        read_metashape(archived(tmp_path, **changed))
+    assert message in str(caught.value)
+
+
+def test_positions_of_a_file_may_have_a_lever_arm(tmp_path):
+    text = METASHAPE.replace('label="a.jpg">', 'label="a.jpg"><reference x="101" y="202" z="280"/>')
+    block, _ = read_metashape(_metashape(tmp_path, text))
+    assert block.antennas[0].is_central
+    carry_antennas(block, Carried((0.1, 0.0, -0.2), 0.05))
+    (antenna,) = block.antennas
+    assert antenna.images == ("a.jpg",)
+    assert antenna.lever_arm.tolist() == [0.1, 0.0, -0.2]
+    assert antenna.lever_sigmas.tolist() == [0.05] * 3
+    np.testing.assert_allclose(antenna.centres(np.eye(3)[None]), [[100.9, 202.0, 280.2]])
+    assert "have the lever arm 0.1 0 -0.2 (known to 0.05), as asked for" in block.notes[-1]
+    bare, _ = read_metashape(_metashape(tmp_path))
+    with pytest.raises(InputError, match="the files have none"):
+        carry_antennas(bare, Carried((0.1, 0.0, -0.2)))

@@ -11,7 +11,7 @@ BENCHMARKS = Path(__file__).parents[2] / "tools" / "benchmarks"
 @pytest.mark.slow  # thousands of files
 def test_no_reader_ends_in_another_error(monkeypatch):
     monkeypatch.syspath_prepend(BENCHMARKS)
-    counts, failures = importlib.import_module("fuzz_blocks").run(0, 3200)
+    counts, failures = importlib.import_module("fuzz_blocks").run(0, 3600)
     assert failures == []
     assert counts["refused"] > 2000
     assert counts["read"] > 100

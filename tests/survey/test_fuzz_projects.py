@@ -26,7 +26,7 @@ def test_mutated_projects_are_refused_or_give_what_can_be_trusted(monkeypatch, t
 
 
 @pytest.mark.slow  # reads a few hundred files, adjusts some
-@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss"])
+@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss", "snap"])
 def test_mutated_samples_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path, name):
     monkeypatch.syspath_prepend(TOOLS)
     bench, counts = importlib.import_module("fuzz_projects"), Counter()
@@ -38,7 +38,19 @@ def test_mutated_samples_are_refused_or_give_what_can_be_trusted(monkeypatch, tm
     assert counts["read"] + counts["adjusted"] > 2
 
 
-@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss"])
+@pytest.mark.slow  # reads some hundreds of field books, adjusts some
+def test_mutated_field_books_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(TOOLS)
+    bench, counts = importlib.import_module("fuzz_projects"), Counter()
+    found = bench.seeds(tmp_path, "book.*")
+    assert len(found) == 9
+    failures = [said for number in range(300) if (said := bench.failure(found, number, 0.05, counts))]
+    assert failures == []
+    assert counts["refused"] > 50
+    assert counts["read"] + counts["adjusted"] > 30
+
+
+@pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss", "snap"])
 def test_the_samples_without_mutation_are_adjusted(monkeypatch, tmp_path, name):
     monkeypatch.syspath_prepend(TOOLS)
     bench = importlib.import_module("fuzz_projects")

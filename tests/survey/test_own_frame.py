@@ -1,5 +1,7 @@
 """Networks of which nothing is known: placed in a frame of their own, adjusted with inner constraints."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -74,3 +76,33 @@ def test_observations_that_place_nothing_are_still_refused():
     rows = {"type": ["Zen"], "from": ["A"], "to": ["B"], "value": [1.5], "sigma": [1e-5]}
     with pytest.raises(ObseqError, match="no point is known"):
         network_from_tables(known, rows).adjust()
+
+
+def between(names, folder, seed, share=1.0):
+    """Slope distances between points in space, of 2 mm, and where the points are."""
+    chance = np.random.default_rng(seed)
+    places = chance.uniform(0.0, 1000.0, (len(names), 3)) * [1.0, 1.0, 0.2]
+    pairs = [pair for pair in itertools.combinations(range(len(names)), 2) if chance.random() < share]
+    sets = "".join(
+        f'<obs from="{names[a]}"><s-distance to="{names[b]}" stdev="2" '
+        f'val="{np.linalg.norm(places[a] - places[b]) + chance.normal(0.0, 0.002):.5f}"/></obs>'
+        for a, b in pairs
+    )
+    points = "".join(f'<point id="{name}" adj="XYZ"/>' for name in names)
+    head = '<gama-local xmlns="http://www.gnu.org/software/gama/gama-local"><network><points-observations>'
+    tail = "</points-observations></network></gama-local>"
+    (folder / "space.gkf").write_text(f"{head}{points}{sets}{tail}")
+    return Network.read_project(folder / "space.gkf"), places, len(pairs)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_slope_distances_alone_make_a_network_in_space(tmp_path, seed):
+    names = "ABCDEFGH"
+    network, places, count = between(names, tmp_path, seed, share=0.9)
+    adjusted = network.adjust()
+    found = adjusted.points.coordinates[[adjusted.points.names.index(name) for name in names]]
+    assert adjusted.record().redundancy == count - 3 * len(names) + 6
+    for a, b in itertools.combinations(range(len(names)), 2):
+        gap = np.linalg.norm(found[a] - found[b]) - np.linalg.norm(places[a] - places[b])
+        assert abs(gap) < 0.03, (names[a], names[b])
+    assert any("Nothing says what is vertical" in text for text in adjusted.record().warnings)

@@ -7,6 +7,7 @@ import struct
 from typing import TYPE_CHECKING
 
 import numpy as np
+from carried_seeds import carried_seeds
 from sfm_seeds import sfm_seeds
 
 from obseq.formats.aicon.reader import read_aicon
@@ -231,7 +232,13 @@ V1 = {
 
 def seeds() -> dict[str, Seed]:
     """By kind: the files, and what reads them in a folder."""
-    found = exchange_seeds() | sfm_seeds() | project_seeds(as_json=False) | project_seeds(as_json=True)
+    found = (
+        exchange_seeds()
+        | sfm_seeds()
+        | carried_seeds()
+        | project_seeds(as_json=False)
+        | project_seeds(as_json=True)
+    )
     assert json.loads(found["pose json"][0]["p.json"])
     return found
 

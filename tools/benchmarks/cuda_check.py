@@ -52,8 +52,8 @@ def prepare(folder: Path) -> None:
 
     import numpy as np
 
+    from obseq.codegen.c99 import cuda
     from obseq.codegen.compiler import derive
-    from obseq.codegen.cuda import cuda
     from obseq.codegen.modules import module_name
     from obseq.formulas.families import formula
     from obseq.kernels import calculator, derivatives

@@ -17,19 +17,21 @@ from pathlib import Path
 
 import fuzz_readers as readers
 from command import command_line
+from field_books import FORMATS as FIELD_BOOKS
+from field_books import write
 
 from obseq.errors import ObseqError
 from obseq.survey import Network
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SAMPLES = Path(__file__).resolve().parent / "samples"
-"""Small networks, one in each folder: Comp3D, Gama, DNA, DynaML, SINEX, STAR*NET, LandXML, tables."""
+"""Small networks, one in each folder: Comp3D, Gama, DNA, DynaML, SINEX, STAR*NET, LandXML, SNAP, tables."""
 
 SIGMAS = ["distance=3mm", "direction=5sec", "zenith=5sec", "azimuth=5sec", "height=2mm", "height-per-km=1mm"]
 """Standard deviations for files that have none."""
 
 FOLDERS = ("comp3d-*", "gama-*", "dynadjust-*")
-MAIN = (".comp", ".gkf", ".stn", ".snx", ".dat", ".xml", ".csv")
+MAIN = (".comp", ".gkf", ".stn", ".snx", ".dat", ".xml", ".csv", ".snp")
 """Suffixes of the files that are given to the reader."""
 TOGETHER = {".stn": (".stn", ".msr"), ".csv": (".csv", ".obs.csv")}
 """Suffixes of the files that are given together, by the first."""
@@ -55,7 +57,7 @@ class Seed:
         main = folder / main.name
         found = TOGETHER.get(main.suffix, (main.suffix,))
         self.paths = [main.with_suffix(suffix) for suffix in found]
-        self.sigmas = SIGMAS if main.stem in {"starnet", "landxml"} else []
+        self.sigmas = SIGMAS if main.stem in {"starnet", "landxml", "book"} else []
         self.points_crs = "EPSG:2154" if main.stem == "starnet-gnss" else None
         files = [main] if main.suffix == ".gkf" else [path for path in folder.rglob("*") if is_text(path)]
         self.texts = {path: path.read_bytes().decode("latin-1") for path in sorted(files)}
@@ -82,10 +84,23 @@ def is_main(path: Path) -> bool:
     return path.suffix in MAIN and not path.name.endswith(".obs.csv")
 
 
+def field_books(folder: Path) -> list[Path]:
+    """The simulated job as a field book of each format, in a folder of its own."""
+    with tempfile.TemporaryDirectory() as written:
+        write(Path(written))
+        found = []
+        for name in FIELD_BOOKS:
+            (folder / name).mkdir(parents=True)
+            made = shutil.copy(Path(written) / name, folder / name / f"book{Path(name).suffix}")
+            found.append(Path(made))
+    return found
+
+
 def seeds(folder: Path, only: str = "*") -> list[Seed]:
-    """The small projects of the data sets and the samples, copied to a folder."""
+    """The small projects of the data sets, the samples and the field books, copied to a folder."""
     mains = [path for name in FOLDERS for path in sorted(DATA.glob(f"{name}/*")) if is_main(path)]
     mains += [path for path in sorted(SAMPLES.glob("*/*")) if is_main(path) and path.stem == path.parent.name]
+    mains += field_books(folder / "books")
     chosen = [main for main in mains if main.match(only)]
     found = [Seed(main, folder / str(number)) for number, main in enumerate(chosen)]
     return [seed for seed in found if sum(map(len, seed.texts.values())) <= LARGEST]

@@ -52,10 +52,8 @@ def main() -> None:
     print(f"    {seconds:.2f} s for {len(found.costs) - 1} iterations, with start and standard deviations")
     begin = time.perf_counter()
     result = whole.solve(covariance=True)
-    seconds = time.perf_counter() - begin
-    print(f"    one machine: {seconds:.2f} s for {len(result.iterations)} iterations")
-    expected = result.cofactors.variances()
-    free = expected > 0.0
+    print(f"    one machine: {time.perf_counter() - begin:.2f} s for {len(result.iterations)} iterations")
+    free = (expected := result.cofactors.variances()) > 0.0
     moved = np.abs(blocks.unknowns.values - whole.unknowns.values).max()
     print(f"    differences: unknowns {moved:.1e} m, ", end="")
     print(f"variances {np.abs(found.variances[free] / expected[free] - 1.0).max():.1e} of them")

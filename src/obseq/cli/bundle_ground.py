@@ -43,7 +43,7 @@ def add_ground(command: argparse.ArgumentParser) -> None:
         nargs=3,
         type=float,
         metavar=("X", "Y", "Z"),
-        help="from the centre to the antenna of --positions, camera axes: right, down, forward",
+        help="from the centre to the antenna of --positions, or of the files: right, down, forward",
     )
     world.add_argument(
         "--lever-arm-sigma", type=float, metavar="S", help="of it; 0 holds it (without: it is unknown)"

@@ -25,7 +25,9 @@ DATUMS = ("control", "centres", "points")
 def add_sources(command: argparse.ArgumentParser) -> None:
     """Add the options that say where a block is."""
     files = command.add_argument_group("a block in tables")
-    files.add_argument("--cameras", type=Path, metavar="FILE", help="table of cameras")
+    files.add_argument(
+        "--cameras", type=Path, metavar="FILE", help="table of cameras, or their calibration (YAML)"
+    )
     files.add_argument("--images", type=Path, metavar="FILE", help="table of images, with poses or without")
     files.add_argument("--opk", type=Path, metavar="FILE", help="poses as text, instead of --images")
     files.add_argument("--opk-columns", default="NXYZOPK", metavar="LETTERS", help="of --opk (NXYZOPK)")
@@ -137,7 +139,8 @@ def _read_other(arguments: argparse.Namespace, form: BlockFormat, path: Path) ->
 
 
 def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
-    from obseq.formats.blocks.tables import BlockFiles, add_cameras, add_measures
+    from obseq.formats.blocks.tables import add_cameras, add_images, add_measures
+    from obseq.formats.calibrations.reader import SUFFIXES, read_calibrations
     from obseq.images import BundleAdjustment
 
     needed = ("cameras", "measures") if arguments.opk else ("cameras", "images", "measures")
@@ -145,14 +148,14 @@ def _read_tables(arguments: argparse.Namespace) -> BundleAdjustment:
     if missing:
         raise InputError(f"--{missing[0]} is missing: a block in tables takes cameras, images and measures")
     block = BundleAdjustment()
-    if not arguments.opk:
-        sigmas = arguments.image_sigma, arguments.control_sigma
-        BlockFiles(arguments.cameras, arguments.images, arguments.measures, (), *sigmas).fill(
-            block, _weighting(arguments)
-        )
-        return block
-    add_cameras(block, arguments.cameras)
-    _add_opk(block, arguments)
+    if arguments.cameras.suffix.lower() in SUFFIXES:
+        block.add_cameras(*read_calibrations(arguments.cameras))
+    else:
+        add_cameras(block, arguments.cameras)
+    if arguments.opk:
+        _add_opk(block, arguments)
+    else:
+        add_images(block, arguments.images)
     for path in arguments.measures:
         add_measures(block, path, arguments.image_sigma, _weighting(arguments))
     return block
@@ -224,8 +227,10 @@ def _weigh(block: BundleAdjustment, sigmas: Sigmas, arguments: argparse.Namespac
 
 
 def _add_observations(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
-    from obseq.formats.blocks.observations import add_lengths, observe_positions
+    from obseq.formats.blocks.observations import add_lengths, carry_antennas, observe_positions
 
+    if arguments.lever_arm is not None and not arguments.positions:
+        carry_antennas(block, carried_by(arguments))
     for path in arguments.lengths:
         add_lengths(block, path)
     for path in arguments.positions:

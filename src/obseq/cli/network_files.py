@@ -172,7 +172,7 @@ def _add_reading(command: argparse.ArgumentParser) -> None:
         "--instrument",
         metavar="NAME",
         help="what all observations are worth: an instrument of --stochastic, or of the library: "
-        "total-station-1sec (0.5sec to 7sec), digital-level-invar, digital-level, automatic-level",
+        "total-station-1sec (0.5sec to 7sec), digital-level, leica-ts60, ...; a wrong name lists them",
     )
     computation.add_argument(
         "--ignore",

@@ -21,11 +21,9 @@ from obseq.crs.refraction import (
     refraction_correction,
     slopes_of_arc,
 )
-from obseq.crs.rigid import LocalTangent, RigidSystem
-from obseq.crs.system import CoordinateSystem, Kind, east_north_up
+from obseq.crs.rigid import LocalTangent, RigidSystem, turn_of_vertical
+from obseq.crs.system import METRE, CoordinateSystem, Kind, Unit, east_north_up
 from obseq.crs.transformer import Transformer
-from obseq.crs.turning import turn_of_vertical
-from obseq.crs.units import METRE, Unit
 from obseq.crs.unreferenced import AXES, UnreferencedSystem
 from obseq.errors import CrsError
 

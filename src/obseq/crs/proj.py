@@ -9,8 +9,7 @@ import numpy.typing as npt
 from obseq.arrays import FloatArray
 from obseq.crs.operations import Operation, from_geocentric, known_crs, operation_of
 from obseq.crs.point_arrays import as_points, check_finite
-from obseq.crs.system import CoordinateSystem, Kind
-from obseq.crs.units import METRE, Unit
+from obseq.crs.system import METRE, CoordinateSystem, Kind, Unit
 from obseq.dataclass import dataclass
 
 ZONED, MOST_ZONES = 1e6, 60

@@ -1,8 +1,9 @@
 """Euclidean systems with a place on the Earth: GeoC, LEuc and RTL."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import field, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,11 @@ from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.dataclass import dataclass
 from obseq.geometry import rotation_x, rotation_y, rotation_z
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray
 
 Coordinates = tuple[float, float, float]
 
@@ -152,3 +158,33 @@ def local_tangent(definition: str, origin: Coordinates, base: ProjSystem) -> Loc
         base=base,
         heights=(base, origin),
     )
+
+
+def turn_of_vertical(system: RigidSystem, points: FloatArray, axes: FloatArray) -> FloatArray:
+    """(n, 3, 3) rotation vectors of east, north, up for movements of their points, in a system.
+
+    East, north and up turn about the east by -1 / (M + h) for each metre to the north, and for each metre to
+    the east by 1 / (N + h) about the north and by tan(latitude) / (N + h) upwards, the convergence of the
+    meridians. M and N: radii of curvature of meridian and prime vertical.
+
+    Args:
+        system: a system whose frame is Euclidean and has a place on the Earth.
+        points: (n, 3).
+        axes: (n, 3, 3) from the system to east, north, up at the points (`vertical_rotation`).
+
+    Returns:
+        For each point what its axes turn by (rad), by columns of the movement (m).
+    """
+    ground = system.ground
+    equatorial, squared = ground.equatorial / ground.scale, ground.squared_eccentricity
+    own = ground.own(system.to_geocentric(points)) / ground.scale
+    up = axes[:, 2] @ system.ground_rotation.T
+    inside = np.sqrt(1.0 - squared * np.square(up[:, 2]))
+    height = np.einsum("ni,ni->n", up, own) - equatorial * inside
+    prime = equatorial / inside
+    meridian = prime * (1.0 - squared) / np.square(inside)
+    local = np.zeros((len(points), 3, 3))
+    local[:, 0, 1] = -1.0 / (meridian + height)
+    local[:, 1, 0] = 1.0 / (prime + height)
+    local[:, 2, 0] = up[:, 2] / np.hypot(up[:, 0], up[:, 1]) * local[:, 1, 0]
+    return np.asarray(np.swapaxes(axes, 1, 2) @ local @ axes)

@@ -1,18 +1,23 @@
 """What every coordinate system offers."""
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, expecting
-from obseq.arrays import FloatArray
 from obseq.crs.operations import geodetic_from_geocentric
-from obseq.crs.units import METRE, Unit
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from obseq.arrays import FloatArray
 
 
 class Kind(StrEnum):
@@ -124,3 +129,21 @@ def east_north_up(longitude: npt.ArrayLike, latitude: npt.ArrayLike) -> FloatArr
     columns[1] = cos_lon, -sin_lat * sin_lon, cos_lat * sin_lon
     columns[2, 1:] = cos_lat, sin_lat
     return np.ascontiguousarray(np.moveaxis(columns, (0, 1), (-2, -1)))
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of lengths or of angles.
+
+    Attributes:
+        name: What to call it: `m`, `degree`, `grad`, `US survey foot`.
+        factor: Metres, or radians, in one unit.
+        is_angle: Whether it measures angles.
+    """
+
+    name: str
+    factor: float
+    is_angle: bool = False
+
+
+METRE = Unit("m", 1.0)

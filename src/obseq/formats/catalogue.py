@@ -141,6 +141,22 @@ FORMATS = (
         sign=r"\s*\*STAR\*NET",
     ),
     Format(
+        "SNAP",
+        (".snp",),
+        "snap.reader:read_snap",
+        Role.NETWORK,
+        "command files with their coordinate and data files: all data types, grids of New Zealand",
+    ),
+    Format(
+        "SNAP",
+        (".crd",),
+        "snap.reader:refuse_part",
+        Role.NETWORK,
+        "coordinate and data files, of a command file",
+        sign=r"(?:[^\n]*\n){1,60}?[ \t]*#[ \t]*data(?:[ \t]+\w+)*?[ \t]+"
+        r"(?i:SD|HD|ED|MD|HA|ZD|AZ|PB|LV|GB|GX|GPS)\b",
+    ),
+    Format(
         "LandXML",
         (),
         "landxml.reader:read_landxml",

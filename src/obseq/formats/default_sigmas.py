@@ -41,10 +41,13 @@ NAMES = {
     "instrument-centring": LENGTHS,
     "target-centring": LENGTHS,
     "vertical-centring": LENGTHS,
+    "index-setting": ANGLES,
 }
 """What a standard deviation is of, and its units; of heights per root of the kilometre, or of turns."""
 CENTRING = ("instrument-centring", "target-centring", "vertical-centring")
 """Those that depend on the places of points (`stochastic`)."""
+INDEX = "index-setting"
+"""Of the index of the vertical circle, which all sights of a set-up have in common."""
 EXAMPLES = {
     "distance": "distance=2mm",
     "distance-ppm": "distance-ppm=2ppm",
@@ -58,6 +61,7 @@ EXAMPLES = {
     "instrument-centring": "instrument-centring=1mm",
     "target-centring": "target-centring=1mm",
     "vertical-centring": "vertical-centring=1mm",
+    "index-setting": "index-setting=1sec",
 }
 _VALUE = re.compile(r"([0-9.eE+-]+)([a-z]+(?:-[a-z]+)?)", re.ASCII)
 

@@ -50,9 +50,22 @@ def read_network(
     encoding: str,
     ignore: Collection[str],
     refraction: float,
-    faces: str,
+    worth: tuple[str | Path | None, str | None, str],
 ) -> Network:
-    """The network of OBS files and point files; see `Network.read`."""
+    """The network of OBS files and point files; see `Network.read`.
+
+    Args:
+        observation_files: OBS files.
+        point_files: Files of points.
+        frame: Definition of the frame.
+        point_options: System, sigma and format of the points, and what else is said of them.
+        encoding: Of names.
+        ignore: What is left out.
+        refraction: Coefficient.
+        worth: The file of the stochastic model; the instrument that all are alike; what becomes of readings
+            in both faces.
+    """
+    stochastic, instrument, faces = worth
     points_crs, point_sigma, point_format, options = point_options
     watch = Stopwatch()
     with watch.phase("read"), told_if_exchanged(observation_files, point_files, encoding):
@@ -66,8 +79,12 @@ def read_network(
                 options = replace(options, sigma=point_sigma)
             points = _read_free_format(point_files, point_format, options)
         points = with_heights(hold_plans(points, book), book)
+    model, taken = stochastic_model(stochastic, instrument), np.zeros(0, np.bool_)
+    if stochastic is not None or instrument is not None:
+        book, taken = model.weighed(book)
     with noting(book.warnings):
-        return Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
+        network = Network.assembled(points, book, frame, points_crs, refraction, watch, faces)
+    return model.centring(network, taken) if taken.any() else network
 
 
 def read_project_network(
@@ -106,20 +123,20 @@ def read_project_network(
         if has_more:
             points = completed(points, read_point_lists(files, sigma, encoding, ignore, own[1] or own[0]))
     coefficient = project.refraction if refraction is None else refraction
-    with noting(project.book.warnings):
-        network = Network.assembled(points, project.book, *own, coefficient, watch, faces)
+    book = project.book
+    centred = np.isin(np.arange(len(book.observations)), project.centred)
+    if (stochastic or instrument) and project.stochastic is NOTHING:
+        book, centred = model.weighed(book)
+        project = replace(project, stochastic=model)
+    with noting(book.warnings):
+        network = Network.assembled(points, book, *own, coefficient, watch, faces)
     datum = network.datum if project.inner is None else Datum(DatumKind.INNER, (), *project.inner)
     network = replace(
         network, unit_sigma=project.unit_sigma, datum=datum, shown=project.shown, written=project.shown
     )
     if project.is_from_grid_north:
         network = replace(network, book=from_grid_north(network.fieldwork))
-    if project.centred:
-        chosen = np.zeros(len(network.book.observations), np.bool_)
-        chosen[list(project.centred)] = True
-        network = project.stochastic.centring(network, chosen)
-    elif (stochastic or instrument) and project.stochastic is NOTHING:
-        network = model.weighing(network)
+    network = project.stochastic.centring(network, centred)
     network = with_axes_told(with_vertical_factors(network, project.vertical_factors))
     if place is None or project.has_geoid:
         return network

@@ -12,6 +12,9 @@ angle, the variances are:
 - horizontal distance: (a + b d)^2 + c_i^2 + c_t^2;
 - zenith angle: s^2 + (cos^2 z (c_i^2 + c_t^2) + sin^2 z 2 c_v^2) / d^2.
 
+The index of the vertical circle is set once for a set-up: with its s_x, zenith angles in one face have
+s_x^2 more variance, and as much covariance with each other. Means of both faces are free of it.
+
 STAR*NET has the same. Standard errors that stand in its lines hold their centring, unless `.ADDCENTERING` is
 on.
 """
@@ -28,10 +31,11 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.formats.default_sigmas import CENTRING, NAMES, quantity
+from obseq.formats.default_sigmas import CENTRING, INDEX, NAMES, quantity
 from obseq.reading.text import read_text
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
+from obseq.survey.model import Cluster
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
@@ -50,6 +54,13 @@ NAME_OF: dict[ObservationKind, str] = {
     DH: "height",
 }
 """What a standard deviation of each kind is called."""
+ROOT = 2.0**0.5
+SHEETS: dict[str, dict[str, float]] = {
+    "iso-17123-3": {"direction": ROOT, "zenith": ROOT, "angle": 2.0},
+    "iso-17123-2": {"height-per-km": ROOT},
+}
+"""What data sheets say, and what each standard deviation is of it: theirs are of the mean of both faces, and
+of levelling there and back; here it is of a reading (of two, for an angle), and of a single run."""
 LIBRARY = Path(__file__).with_name("data") / "instruments.toml"
 """Instruments by class."""
 SHORTEST = 1e-3
@@ -82,14 +93,16 @@ class StochasticModel:
     @property
     def has_centring(self) -> bool:
         """Whether anything depends on the places of points."""
-        return any(name in given for given in (self.default, *self.instruments.values()) for name in CENTRING)
+        names = (*CENTRING, INDEX)
+        return any(name in given for given in (self.default, *self.instruments.values()) for name in names)
 
-    def weighing(self, network: Network) -> Network:
-        """The network with the standard deviations of the model in place of those of its files.
+    def weighed(self, book: FieldBook) -> tuple[FieldBook, BoolArray]:
+        """The book with the standard deviations of the model in place of its own, and (n,) which have them.
 
-        Observations of kinds of which the model says nothing keep theirs, as do correlated ones.
+        Observations of kinds of which the model says nothing keep theirs, as do correlated ones. Readings in
+        both faces are weighed before they are reduced to their means.
         """
-        book, rows = network.book, network.book.observations
+        rows = book.observations
         sigmas, relative = rows.sigmas.copy(), rows.relative_sigmas.copy()
         taken = np.zeros(len(rows), np.bool_)
         free = np.ones(len(rows), np.bool_)
@@ -101,11 +114,10 @@ class StochasticModel:
                 sigmas[chosen] = given[name]
                 relative[chosen] = given.get("distance-ppm", 0.0) if name == "distance" else 0.0
                 taken[chosen] = True
-        observations = replace(rows, sigmas=sigmas, relative_sigmas=relative)
-        told = _shares(book, self._parts(replace(book, observations=observations), taken), sigmas, relative)
+        found = replace(book, observations=replace(rows, sigmas=sigmas, relative_sigmas=relative))
+        told = _shares(book, self._parts(found, taken), sigmas, relative)
         text = f"standard deviations of {int(taken.sum())} observations are those of the stochastic model"
-        weighed = replace(network, book=replace(book, observations=observations).warned(text + told))
-        return self.centring(weighed, taken)
+        return found.warned(text + told), taken
 
     def centring(self, network: Network, chosen: BoolArray) -> Network:
         """The network with the centring of instruments and targets in the sigmas of some observations.
@@ -128,14 +140,35 @@ class StochasticModel:
             share = relative[those] * (sights.lengths(kind, those) if kind in (DIST, DIST_HZ) else 0.0)
             sigmas[those] = np.sqrt((sigmas[those] + share) ** 2 + variances[placed])
             relative[those] = 0.0
-            if those.size:
+            if those.size and given.keys() & {*CENTRING}:
                 told.append(_told(kind, sigmas[those]))
         text = f"with centring the standard deviations are: {'; '.join(told)}"
         if lost:
             text += f"; {lost} observations of points without a place are without it"
         observations = replace(rows, sigmas=sigmas, relative_sigmas=relative)
         book = replace(network.book, observations=observations).warned(*([text] if told or lost else []))
-        return replace(network, book=book)
+        return replace(network, book=self._with_index(book, chosen))
+
+    def _with_index(self, book: FieldBook, chosen: BoolArray) -> FieldBook:
+        """The book where zenith angles of a set-up have the setting of the index in common."""
+        rows, sigmas = book.observations, book.observations.sigmas.copy()
+        both = _of_both_faces(book)
+        clusters, count = list(book.clusters), 0
+        for given, kind, alike in self._parts(book, chosen & rows.active & ~both):
+            if kind is not ZEN or INDEX not in given:
+                continue
+            for station in np.unique(rows.stations[alike]).tolist():
+                own = alike[rows.stations[alike] == station]
+                common = given[INDEX] ** 2
+                covariance = np.diag(sigmas[own] ** 2) + common
+                sigmas[own] = np.hypot(sigmas[own], given[INDEX])
+                clusters += [Cluster(own, covariance)] if len(own) > 1 else []
+                count += len(own)
+        if not count:
+            return book
+        told = f"the setting of the index is common to the zenith angles of each set-up ({count} in one face)"
+        observations = replace(rows, sigmas=sigmas)
+        return replace(book, observations=observations, clusters=tuple(clusters)).warned(told)
 
     def _parts(self, book: FieldBook, chosen: BoolArray) -> list[tuple[Sigmas, ObservationKind, IntArray]]:
         """Observations by instrument and kind: what the model says of them, the kind, the rows."""
@@ -148,6 +181,18 @@ class StochasticModel:
         return [
             (self.of(names[group]), kinds[code], np.array(found)) for (group, code), found in groups.items()
         ]
+
+
+def _of_both_faces(book: FieldBook) -> BoolArray:
+    """(n,) zenith angles that are means of both faces: another reading of the sight is switched off."""
+    rows = book.observations
+    zeniths = rows.types == ZEN.code
+    ends = np.stack([rows.stations, rows.from_points, rows.to_points])
+    off = set(map(tuple, ends[:, zeniths & ~rows.active].T.tolist()))
+    found = np.zeros(len(rows), np.bool_)
+    for row in np.flatnonzero(zeniths & rows.active).tolist():
+        found[row] = tuple(ends[:, row].tolist()) in off
+    return found
 
 
 class _Sights:
@@ -278,8 +323,13 @@ def _sigmas(where: str, table: object) -> Sigmas:
         raise InputError(f'{where}: names and values are expected, such as direction = "3sec"')
     found: dict[str, float] = {}
     for name, value in table.items():
-        if name not in NAMES or not isinstance(value, str):
-            raise InputError(f'{where}: {name!r} is none of {", ".join(NAMES)} with a text such as "3sec"')
+        if name not in (*NAMES, *SHEETS) or not isinstance(value, str):
+            known = ", ".join((*NAMES, *SHEETS))
+            raise InputError(f'{where}: {name!r} is none of {known} with a text such as "3sec"')
+        if name in SHEETS:
+            of_sheet = quantity(where, next(iter(SHEETS[name])), value.strip())
+            found = {part: factor * of_sheet for part, factor in SHEETS[name].items()} | found
+            continue
         first, _, more = value.partition("+")
         found[name] = quantity(where, name, first.strip())
         if more:

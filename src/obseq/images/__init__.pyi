@@ -4,19 +4,14 @@ from .block import Block as Block
 from .bundle import BundleAdjustment as BundleAdjustment
 from .camera import Camera as Camera
 from .camera import median_camera as median_camera
-from .clinometers import Clinometer as Clinometer
 from .control import ControlPoints as ControlPoints
 from .initial.distribution import Distribution as Distribution
 from .initial.distribution import check_distribution as check_distribution
-from .initial.eleven import UncalibratedResection as UncalibratedResection
-from .initial.eleven import resect_uncalibrated as resect_uncalibrated
 from .initial.growth import Growth as Growth
 from .initial.growth import place_images as place_images
 from .initial.growth import similarity as similarity
 from .initial.intersection import Intersection as Intersection
 from .initial.intersection import intersect as intersect
-from .initial.planes import PlaneResection as PlaneResection
-from .initial.planes import resect_on_plane as resect_on_plane
 from .initial.relative import RelativeOrientation as RelativeOrientation
 from .initial.relative import relative_orientation as relative_orientation
 from .initial.resection import Resection as Resection
@@ -26,6 +21,8 @@ from .initial.resection import resect as resect
 from .initial.three_points import poses_of_triplets as poses_of_triplets
 from .measures import ImagePoints as ImagePoints
 from .model import CameraModel as CameraModel
+from .parts import Clinometer as Clinometer
+from .parts import Weighting as Weighting
 from .poses import Poses as Poses
 from .poses import RigidMotion as RigidMotion
 from .rigid import Exposures as Exposures
@@ -35,4 +32,7 @@ from .rigid import initial_block as initial_block
 from .rigid import pair_statistics as pair_statistics
 from .satellite.block import SatelliteBlock as SatelliteBlock
 from .satellite.block import SatelliteSolution as SatelliteSolution
-from .weighting import Weighting as Weighting
+from .uncalibrated.eleven import UncalibratedResection as UncalibratedResection
+from .uncalibrated.eleven import resect_uncalibrated as resect_uncalibrated
+from .uncalibrated.planes import PlaneResection as PlaneResection
+from .uncalibrated.planes import resect_on_plane as resect_on_plane

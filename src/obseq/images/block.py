@@ -10,14 +10,13 @@ import numpy as np
 from obseq.arguments import expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
-from obseq.images.clinometers import Inclinations
 from obseq.images.control import ControlPoints
-from obseq.images.given import rows_of, sigmas_of
 from obseq.images.measure_checks import check_frames, check_known, check_pair
 from obseq.images.measures import ImagePoints
-from obseq.images.names import are_among, as_names, expression, index_of, no_parameter
+from obseq.images.names import are_among, as_names, expression, index_of, no_parameter, rows_of, sigmas_of
 from obseq.images.parts import (
     Approximations,
+    Inclinations,
     Instruments,
     Lengths,
     MeasureSet,
@@ -35,9 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.images.camera import Camera
-    from obseq.images.clinometers import Clinometer
+    from obseq.images.parts import Clinometer, Weighting
     from obseq.images.rigid import RigidBlock
-    from obseq.images.weighting import Weighting
     from obseq.reading.origin import Origin
     from obseq.survey import Network
 

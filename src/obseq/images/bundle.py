@@ -10,13 +10,18 @@ from obseq.images.adjustment.adjustable import AdjustableBlock
 from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end, taken_in_again
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
-from obseq.images.adjustment.placing import placed, waiting_images
 from obseq.images.adjustment.quality import search_blunders
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, places_in, with_surveys
-from obseq.images.adjustment.verdicts import check_cameras, check_datum, check_scale, check_weights
-from obseq.images.adjustment.weakness import in_words
+from obseq.images.adjustment.verdicts import (
+    cameras_refused,
+    check_datum,
+    check_scale,
+    check_weights,
+    in_words,
+)
+from obseq.images.placing import placed, waiting_images
 from obseq.leastsquares import LeastSquares
 
 if TYPE_CHECKING:
@@ -180,3 +185,14 @@ class BundleAdjustment(AdjustableBlock):
             return ()
         self.add_poses(placed(self, causes).select(waiting))
         return tuple(waiting)
+
+
+def check_cameras(solution: BundleSolution) -> BundleSolution:
+    """A solution, if its cameras are possible.
+
+    Raises:
+        ContradictionError: one is not: a mirror image has a negative focal length.
+    """
+    with cameras_refused():
+        solution.cameras  # noqa: B018  (each is checked when it is made)
+    return solution

@@ -8,8 +8,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
-from obseq.images.given import rows_of, sigmas_of
-from obseq.images.names import as_names, index_of, unique_names
+from obseq.images.names import as_names, index_of, rows_of, sigmas_of, unique_names
 from obseq.leastsquares.problem.arguments import real
 
 if TYPE_CHECKING:

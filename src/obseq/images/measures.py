@@ -9,8 +9,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
-from obseq.images.given import rows_of, sigmas_of
-from obseq.images.names import are_among, as_names, index_of, numbered
+from obseq.images.names import are_among, as_names, index_of, numbered, rows_of, sigmas_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

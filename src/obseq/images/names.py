@@ -1,4 +1,4 @@
-"""Names outside, numbers inside: one way to go from the one to the other."""
+"""What is given to make parts of a block: names outside become numbers inside; rows of numbers and sigmas."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from obseq.errors import InputError, RowError
+from obseq.leastsquares.problem.arguments import real
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from obseq.arrays import BoolArray, IntArray
+    from numpy.typing import ArrayLike
 
+    from obseq.arrays import BoolArray, FloatArray, IntArray
 
 LONGEST_ENDING = 4
 """Letters of `tiff` and `jpeg`."""
@@ -135,3 +137,30 @@ def expression(pattern: str) -> re.Pattern[str]:
         return re.compile(pattern)
     except (re.error, TypeError) as error:
         raise InputError(f"{pattern!r} is not a regular expression: {error}") from None
+
+
+def rows_of(given: ArrayLike, n: int, width: int, what: str) -> FloatArray:
+    """Numbers as an array (n, width), one row for each of n things; a copy.
+
+    Raises:
+        InputError: they have another shape; rows that were given as columns are told as that.
+    """
+    array = real(given, what)
+    if not array.size and not n:
+        return np.zeros((0, width))
+    if array.shape != (n, width):
+        turned = ": transpose them" if array.shape == (width, n) else ""
+        raise InputError(f"{what} have shape {array.shape}, not ({n}, {width}){turned}")
+    return array
+
+
+def sigmas_of(given: ArrayLike, n: int, width: int, what: str) -> FloatArray:
+    """Sigmas as an array (n, width), of one for all, one for each of n things (n,), or (n, width); a copy.
+
+    Raises:
+        InputError: they have another shape.
+    """
+    array = real(given, what)
+    if array.ndim and array.shape not in ((n,), (n, width)):
+        raise InputError(f"{what} have shape {array.shape}; one number, ({n},) or ({n}, {width}) is wanted")
+    return np.array(np.broadcast_to(array[:, None] if array.ndim == 1 else array, (n, width)))

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arguments import NUMBER, require
 from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
+from obseq.errors import InputError
+from obseq.leastsquares.problem.losses import Attenuated
 
 if TYPE_CHECKING:
     import re
     from collections.abc import Collection, Iterator, Sequence
 
-    from obseq.images.clinometers import Clinometer, Inclinations
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
-    from obseq.images.weighting import Weighting
     from obseq.reading.origin import Origin
 
 
@@ -140,3 +141,119 @@ class Rule:
     cameras: re.Pattern[str]
     parameters: re.Pattern[str]
     frozen: bool
+
+
+@dataclass(frozen=True)
+class Weighting:
+    """The weight of a measure with a residual of v pixels (both coordinates together).
+
+        w = 0                                             where v > threshold
+        w = 1 / sigma^2                                   without attenuation
+        w = (1 / sigma^2) / (1 + (v / attenuation)^p)     with it; p is the exponent
+
+    Attributes:
+        sigma: pixels.
+        attenuation: pixels, where the weight is one half; None for none.
+        threshold: pixels; None for none.
+        exponent: 1 tends to least absolute residuals, 2 is Cauchy's.
+
+    Example:
+        >>> Weighting(0.5, attenuation=1.0, exponent=2.0).weights([[2.0, 0.0]])
+        array([0.8])
+    """
+
+    sigma: float
+    attenuation: float | None = None
+    threshold: float | None = None
+    exponent: float = 1.0
+
+    def __post_init__(self) -> None:
+        require("weighting", "sigma", self.sigma, NUMBER)
+        if not self.sigma > 0.0:
+            raise InputError(f"weighting: sigma must be positive, not {self.sigma}")
+        Attenuated(self.attenuation, self.threshold, self.exponent)  # which checks them
+
+    @property
+    def loss(self) -> Attenuated | None:
+        """The same for residuals divided by sigma; None when no measure is weakened."""
+        if self.attenuation is None and self.threshold is None:
+            return None
+        return Attenuated(self.attenuation, self.threshold, self.exponent).widened(1.0 / self.sigma)
+
+    def weights(self, residuals: FloatArray) -> FloatArray:
+        """(n,) weights of residuals (n, 2) pixels."""
+        norms = np.linalg.norm(np.asarray(residuals, dtype=np.float64), axis=1) / self.sigma
+        loss = self.loss
+        shares = np.ones(len(norms)) if loss is None else loss.weights(norms)
+        return np.asarray(shares / self.sigma**2)
+
+
+DEGREES = (0, 1, 2, 3)
+STEEPEST = np.radians(85.0)
+"""Inclination beyond which the sine of an angle says too little of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clinometer:
+    """An axis fixed to a camera, whose inclination above the horizon is read.
+
+    The sine of the inclination of the axis is `sum_k correction[k] sin(reading)^k` (MMVII's `Clino_0_3`): a
+    perfect instrument has the correction (0, 1, 0, 0).
+
+    Attributes:
+        name: of the clinometer.
+        axis: (3,) direction in the frame of the camera, of any length.
+        correction: (4,) coefficients of degrees 0 to 3.
+        free_degrees: of the correction, that are unknowns.
+        is_fixed: True when the axis is known exactly.
+    """
+
+    name: str
+    axis: FloatArray
+    correction: tuple[float, ...] = (0.0, 1.0, 0.0, 0.0)
+    free_degrees: tuple[int, ...] = ()
+    is_fixed: bool = False
+
+    def __post_init__(self) -> None:
+        axis = np.array(self.axis, dtype=np.float64)
+        if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
+            raise InputError(f"clinometer {self.name}: its axis is a direction of three numbers, not {axis}")
+        if len(self.correction) != len(DEGREES) or not np.isfinite(self.correction).all():
+            raise InputError(f"clinometer {self.name}: the correction has four coefficients, degrees 0 to 3")
+        if not set(self.free_degrees) <= set(DEGREES):
+            raise InputError(
+                f"clinometer {self.name}: free degrees are among 0 to 3, not {self.free_degrees}"
+            )
+        object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
+
+
+@dataclass(frozen=True, eq=False)
+class Inclinations:
+    """Readings of a clinometer.
+
+    Attributes:
+        clinometer: its name.
+        images: (n,) images that were taken at the same time by the camera that carries it.
+        angles: (n,) radians, positive where the axis points above the horizon.
+        sigmas: (n,) radians.
+    """
+
+    clinometer: str
+    images: tuple[str, ...]
+    angles: FloatArray
+    sigmas: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.images)
+        for name in ("angles", "sigmas"):
+            given = np.broadcast_to(np.asarray(getattr(self, name), dtype=np.float64), (n,))
+            object.__setattr__(self, name, np.array(given))
+        if not np.isfinite(self.angles).all() or not ((self.sigmas > 0.0) & np.isfinite(self.sigmas)).all():
+            raise InputError(f"clinometer {self.clinometer}: readings must be finite, and sigmas positive")
+        steep = np.flatnonzero(np.abs(self.angles) > STEEPEST)
+        if steep.size:
+            raise InputError(
+                f"clinometer {self.clinometer}, image {self.images[steep[0]]}: an inclination of "
+                f"{np.degrees(self.angles[steep[0]]):g} degrees; its equation is one of sines, and says "
+                "nothing near the vertical (angles are in radians here)"
+            )

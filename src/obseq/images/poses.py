@@ -10,8 +10,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion as RigidMotion
 from obseq.geometry import attitudes, rotations_from
-from obseq.images.given import rows_of
-from obseq.images.names import index_of, unique_names
+from obseq.images.names import index_of, rows_of, unique_names
 from obseq.leastsquares.problem.arguments import real
 
 if TYPE_CHECKING:
@@ -19,7 +18,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.images.camera import Camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,3 +111,26 @@ class Poses:
         cameras = tuple(self.cameras[row] for row in rows)
         chosen = tuple(self.images[row] for row in rows)
         return Poses(chosen, self.centres[rows], self.rotations[rows], cameras)
+
+
+def are_in_front(
+    cameras: Sequence[Camera], poses: Poses, image: IntArray, coordinates: FloatArray, point: IntArray
+) -> BoolArray:
+    """(n,) whether points are where the projection of their camera is defined.
+
+    Args:
+        cameras: camera of each image.
+        poses: of the images.
+        image: (n,) image of each measure.
+        coordinates: (k, 3) of the points, in the world.
+        point: (n,) point of each measure.
+    """
+    axes = poses.rotations[:, :, 2]
+    depths = np.negative(np.einsum("ki,ki->k", poses.centres, axes)).take(image)
+    for k in range(3):
+        depths += coordinates[:, k].take(point) * axes[:, k].take(image)
+    seen = depths > 0.0
+    for row in np.flatnonzero(~seen):  # in front, every projection is defined; behind, some are
+        local = (coordinates[point[row]] - poses.centres[image[row]]) @ poses.rotations[image[row]]
+        seen[row] = cameras[image[row]].is_in_front(local[None])[0]
+    return np.asarray(seen)

@@ -11,8 +11,7 @@ from obseq.arguments import expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.images.control import ControlPoints
-from obseq.images.given import rows_of, sigmas_of
-from obseq.images.names import are_among, index_of, unique_names
+from obseq.images.names import are_among, index_of, rows_of, sigmas_of, unique_names
 from obseq.leastsquares.problem.arguments import finite, real
 
 if TYPE_CHECKING:

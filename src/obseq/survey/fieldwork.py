@@ -17,7 +17,7 @@ from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.computation import equations_of, replaced_coordinates
 from obseq.survey.adjustment.datum import DatumKind, freed, held, is_free_standing, without_azimuths
-from obseq.survey.adjustment.first_places import with_barycentres, with_first_places
+from obseq.survey.adjustment.first_places import on_axes, with_first_places, with_later_places
 from obseq.survey.adjustment.singular import (
     check_counts,
     check_datum,
@@ -108,9 +108,9 @@ class Fieldwork:
         points = with_first_places(self.frame, points, book)
         while True:
             found = values_by(self._graphs, points, book, self.frame.plumb, choice=choice)
-            more = with_barycentres(points, book, found.coordinates)
+            more = with_later_places(points, book, found.coordinates)
             if more is None:
-                return found
+                return replace(found, coordinates=on_axes(points, book, found.coordinates))
             points = more
 
     @cached_property

@@ -5,6 +5,5 @@ from obseq.formats import read_network as read_network
 from obseq.formats import read_obs as read_obs
 from obseq.formats import read_points as read_points
 from obseq.formats import read_project_network as read_project_network
-from obseq.formats import stochastic_model as stochastic_model
 from obseq.formats import write_cor as write_cor
 from obseq.formats import write_obs as write_obs

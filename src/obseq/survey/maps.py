@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq import crs
-from obseq.crs.antimeridian import cut
+from obseq.crs.area import cut
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 

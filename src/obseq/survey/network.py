@@ -151,11 +151,10 @@ class Network(Edited):
             InputError: A file or a definition is wrong; the message says where and what to do.
         """
         points = (points_crs, point_sigma, point_format, point_options)
+        worth = (stochastic, instrument, faces)
         network = files.read_network(
-            observation_files, point_files, frame, points, encoding, ignore, refraction, faces
+            observation_files, point_files, frame, points, encoding, ignore, refraction, worth
         )
-        if stochastic is not None or instrument is not None:
-            network = files.stochastic_model(stochastic, instrument).weighing(network)
         return network if geoid is None else network.with_deflections(geoid)
 
     @classmethod

@@ -14,7 +14,7 @@ from obseq.images.aerial import (
     read_shots,
     shots_text,
 )
-from obseq.images.aerial.headers import Columns
+from obseq.images.aerial.files import Columns
 
 OPK = "A 1 2 100 0.1 -0.2 3 cam\nB 4 5 200 0 0 0 cam\n"
 

@@ -20,9 +20,9 @@ from obseq.images.aerial import (
     resect,
     shots_text,
 )
-from obseq.images.aerial.angles import axes_of, unit_of
 from obseq.images.aerial.heights import convert_heights
 from obseq.images.aerial.rays import meet
+from obseq.images.aerial.shots import axes_of, unit_of
 
 
 def published(name):

@@ -61,6 +61,29 @@ class Carried:
 AS_THEY_ARE = Carried()
 
 
+def carry_antennas(block: Block, carried: Carried) -> None:
+    """Gives the antennas that the files of a block have a lever arm, and says so.
+
+    Raises:
+        InputError: There is none to which it could belong.
+    """
+    if not block.antennas:
+        raise InputError("a lever arm is that of observed positions: the files have none (--positions)")
+    given, block.antennas = block.antennas, []
+    for one in given:
+        block.observe_antenna(
+            one.images,
+            one.positions,
+            one.sigmas,
+            carried.lever_arm or (0.0, 0.0, 0.0),
+            carried.lever_sigma,
+            one.name,
+        )
+    arm = " ".join(f"{part:g}" for part in carried.lever_arm or ())
+    how = {0.0: "held", np.inf: "unknown"}.get(carried.lever_sigma, f"known to {carried.lever_sigma:g}")
+    block.notes.append(f"the positions of the files have the lever arm {arm} ({how}), as asked for")
+
+
 def add_lengths(block: Block, path: str | Path) -> None:
     """Adds the lengths of a table to a block, scale bars for instance.
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.images.block import Block
-    from obseq.images.weighting import Weighting
+    from obseq.images.parts import Weighting
 
 ANGLES = {
     "opk": ("omega", "phi", "kappa"),

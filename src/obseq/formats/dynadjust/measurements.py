@@ -16,6 +16,7 @@ from obseq.formats.dynadjust.records import VECTORS, radians_of_packed
 from obseq.formats.dynadjust.stations import geocentric
 from obseq.printable import listed
 from obseq.reading.text import LEAST_SIGMA, quoted
+from obseq.survey.kinds.calibrated import DIST_SCALE
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, curvatures
 from obseq.survey.kinds.lengths import DH, DIST
@@ -47,18 +48,26 @@ SHOWN = 5
 VECTOR_KINDS, POSITION_KINDS = (VECTOR, VECTOR_Y, VECTOR_Z), (GEO_X, GEO_Y, GEO_Z)
 
 
-def field_book(stations: Stations, records: Sequence[MeasurementRecord], ignore_frames: bool) -> FieldBook:
+def field_book(
+    stations: Stations,
+    records: Sequence[MeasurementRecord],
+    ignore_frames: bool,
+    scaled: Sequence[Sequence[int]] = (),
+) -> FieldBook:
     """The observations of all measurements.
 
     Args:
         stations: The stations of the network.
         records: The measurements.
         ignore_frames: Take vectors and positions of other frames and epochs as they are.
+        scaled: Positions of the distances of each set that has a scale of its own.
 
     Raises:
         InputError: a measurement cannot be understood, or its frame cannot be brought to that of the network.
     """
-    return _Book(stations, records).read(records, _values_of(stations, records, ignore_frames), ignore_frames)
+    book = _Book(stations, records)
+    book.share_scales([[records[k] for k in members] for members in scaled])
+    return book.read(records, _values_of(stations, records, ignore_frames), ignore_frames)
 
 
 class _Book:
@@ -74,6 +83,13 @@ class _Book:
         stations.is_deflected = stations.has_deflections and any(types[code] for code in PLUMB)
         self._types = types
         self._plumb: dict[int, int] = {}
+        self._scales: dict[int, int] = {}
+
+    def share_scales(self, sets: Sequence[Sequence[MeasurementRecord]]) -> None:
+        """Gives each set of distances an unknown scale."""
+        for members in sets:
+            group = self._columns.open_group(f"distances from {members[0].names[0]}")
+            self._scales |= {id(record): group for record in members}
 
     def read(
         self,
@@ -115,7 +131,7 @@ class _Book:
             kind: ObservationKind = ANGLE
         else:
             origin, target, backsight = rows[0], rows[-1], -1
-            kind = KINDS[record.code]
+            kind = DIST_SCALE if id(record) in self._scales else KINDS[record.code]
         measure = Measure(
             kind,
             origin,
@@ -126,6 +142,7 @@ class _Book:
             0.0,
             *record.heights,
             station=self._station(kind, origin),
+            group=self._scales.get(id(record), -1),
             backsight=backsight,
         )
         self._add(record, measure)

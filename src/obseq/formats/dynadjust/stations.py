@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from obseq.formats.dynadjust.geoid import Geoid
     from obseq.formats.dynadjust.records import Header, StationRecord
 
+DEGREES = "decimal degrees"
+"""Type of coordinates of other programs: longitude, latitude (degrees) and height above the ellipsoid."""
 ELLIPSOID = "+proj=longlat +ellps=GRS80 +towgs84=0,0,0"
 """System of longitude and latitude whose geocentric axes are taken as those of any frame."""
 
@@ -67,9 +69,8 @@ class Stations:
     @staticmethod
     def _check(record: StationRecord) -> None:
         if record.system not in _PLACED:
-            raise record.place.error(
-                f"{quoted(record.system)!r} is no type of coordinates ({', '.join(_PLACED)})"
-            )
+            known = ", ".join(name for name in _PLACED if name != DEGREES)
+            raise record.place.error(f"{quoted(record.system)!r} is no type of coordinates ({known})")
         if len(record.constraints) != 3 or set(record.constraints) - set("CF"):
             raise record.place.error(
                 f"{quoted(record.constraints)!r} is not a constraint of three letters C or F"
@@ -188,6 +189,11 @@ def _of_angles(record: StationRecord) -> tuple[float, float, float]:
     return longitude, latitude, record.coordinates[2]
 
 
+def _of_degrees(record: StationRecord) -> tuple[float, float, float]:
+    longitude, latitude, height = record.coordinates
+    return math.radians(longitude), math.radians(latitude), height
+
+
 def _of_geocentric(record: StationRecord) -> FloatArray:
     return _from(crs.parse("GeoC"), record)
 
@@ -211,5 +217,6 @@ _PLACED: dict[str, Callable[[StationRecord], Sequence[float] | FloatArray]] = {
     "LLh": _of_angles,
     "UTM": _of_grid,
     "XYZ": _of_geocentric,
+    DEGREES: _of_degrees,
 }
 """Longitude, latitude (rad) and height of a station, by its type of coordinates."""

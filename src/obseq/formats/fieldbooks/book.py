@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from obseq.formats.levelled_points import hold_plans
 from obseq.formats.project import Project
 from obseq.formats.stochastic import NAME_OF, StochasticModel
 from obseq.printable import listed
-from obseq.reading.text import quoted
+from obseq.reading.text import quoted, read_text
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.kinds.registry import codes
@@ -29,8 +29,9 @@ from obseq.survey.model import Orientation, points_of_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
-    from obseq.formats.project import Reading
+    from obseq.formats.project import Reader, Reading
     from obseq.reading.text import TextFile
     from obseq.survey.kinds.kind import ObservationKind
 
@@ -255,10 +256,8 @@ class Book:
         sigma, relative = worth
         lifts = (set_up.height, self.target_height) if kind.code in LIFTED else (0.0, 0.0)
         station = set_up.station if kind.needs_station else -1
-        measure = Measure(
-            kind, set_up.origin, target, value, sigma, True, relative, *lifts, station, self._group
-        )
-        self._columns.append(measure, self._number, index)
+        places = (kind.code, set_up.origin, target, -1, station, self._group, self._number, index + 1)
+        self._columns.add(places, (value, sigma, relative, *lifts), is_active=True)
 
     def _sigma(self, index: int, kind: ObservationKind, name: str) -> float:
         problem = lacking(name, self._given)
@@ -308,6 +307,30 @@ class Book:
             yield f"{files}: {count} points with coordinates that nothing observes have no part: {unseen}"
         for what, places in self._left_out.items():
             yield f"{len(places)} {what} are left out: {listed(places, SHOWN)}"
+
+
+class _File(Protocol):
+    """A file of a format, which fills a book."""
+
+    def read(self) -> None:
+        """Takes all of it."""
+
+
+def reader_of(nowhere: str, opened: Callable[[Book, TextFile], _File]) -> Reader:
+    """What reads field books of a format, one after the other, into one.
+
+    Args:
+        nowhere: What such files set an instrument up with.
+        opened: Opens a file for a book.
+    """
+
+    def read(paths: tuple[Path, ...], reading: Reading) -> Project:
+        book = Book(reading, nowhere)
+        for path in paths:
+            opened(book, read_text(path, reading.encoding)).read()
+        return book.project()
+
+    return read
 
 
 def named(text: str) -> str:

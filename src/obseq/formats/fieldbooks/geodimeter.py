@@ -11,15 +11,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from obseq.formats.fieldbooks.book import Book, Sight, named, shown
+from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown
 from obseq.formats.fieldbooks.units import ANGLES, dms
-from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
-    from obseq.formats.project import Project, Reading
     from obseq.reading.text import TextFile
 
 NOWHERE = "a station (2=)"
@@ -32,22 +29,6 @@ PLACE = ("38", "37", "39")
 READINGS = (*FIRST_CIRCLE, *FIRST_VERTICAL, *SECOND_CIRCLE, *SECOND_VERTICAL)
 OF_UNITS = {"1": "gon", "2": "dms", "3": "deg", "4": "mil"}
 """Units of angles by the first digit of label 23."""
-
-
-def read_geodimeter(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        _Geodimeter(book, read_text(path, reading.encoding)).read()
-    return book.project()
 
 
 class _Geodimeter:
@@ -142,3 +123,7 @@ def _can_be_dms(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+read_geodimeter = reader_of(NOWHERE, _Geodimeter)
+"""Reads field books, one after the other."""

@@ -13,16 +13,13 @@ import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.formats.fieldbooks.book import SHOWN, Book, Sight, unfilled
+from obseq.formats.fieldbooks.book import SHOWN, Book, Sight, reader_of, unfilled
 from obseq.formats.fieldbooks.units import FOOT, of_sixty
 from obseq.printable import listed
-from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
-    from obseq.formats.project import Project, Reading
     from obseq.reading.text import TextFile
 
 NOWHERE = (
@@ -44,8 +41,9 @@ ANGLES = {"2": math.pi / 200.0 * 1e-5, "3": math.pi / 180.0 * 1e-5, "5": math.pi
 """Radians in the last digit of an angle, by its unit."""
 SEXAGESIMAL = "4"
 """Unit of angles that are written dddmmss, and a tenth of a second."""
-_SHORT_WORD, _LONG_WORD = (
-    re.compile(rf"(\d\d)([0-9.])[0-9.]{{2}}([0-9.])([+-])(.{{1,{digits}}})(?: |$)") for digits in (8, 16)
+_WORD = r"\d\d[0-9.]{4}[+-]"
+_SHORT_LINE, _LONG_LINE = (
+    re.compile(rf"(?:{_WORD}.{{{digits}}} )*(?:{_WORD}.{{1,{digits}}})?") for digits in (8, 16)
 )
 
 
@@ -63,22 +61,6 @@ class _Block(NamedTuple):
 
     line: int
     words: dict[str, _Word]
-
-
-def read_gsi(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        _Gsi(book, read_text(path, reading.encoding)).read()
-    return book.project()
 
 
 class _Gsi:
@@ -197,18 +179,25 @@ def _blocks(file: TextFile) -> Iterator[_Block]:
     for index, line in enumerate(file.lines):
         text = line.strip()
         is_long = text.startswith("*")
-        width, read = (LONG, _LONG_WORD) if is_long else (SHORT, _SHORT_WORD)
+        width, pattern = (LONG, _LONG_LINE) if is_long else (SHORT, _SHORT_LINE)
+        found = pattern.match(text, is_long)
+        if found is None or found.end() < len(text):
+            place = found.end() if found else is_long
+            place -= (place - is_long) % width
+            wrong = text[place : place + width]
+            raise file.error(index, f"no word of GSI at character {place - is_long + 1}: {wrong!r}")
         words: dict[str, _Word] = {}
         for place in range(is_long, len(text), width):
-            found = read.match(text, place)
-            if found is None:
-                wrong = text[place : place + width]
-                raise file.error(index, f"no word of GSI at character {place - is_long + 1}: {wrong!r}")
-            number, *parts = found.groups()
+            number = text[place : place + 2]
             if words and number in (POINT, CODE):
                 yield _Block(index, words)
                 words = {}
             if number not in words:
-                words[number] = _Word(*parts)
+                sign, value = text[place + 6], text[place + 7 : place + width - 1]
+                words[number] = _Word(text[place + 2], text[place + 5], sign, value)
         if words:
             yield _Block(index, words)
+
+
+read_gsi = reader_of(NOWHERE, _Gsi)
+"""Reads field books, one after the other."""

@@ -9,15 +9,14 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from obseq.formats.fieldbooks.book import Book, Sight, named, shown, unfilled
+from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown, unfilled
 from obseq.formats.fieldbooks.units import ANGLES, FOOT
-from obseq.reading.text import TextFile, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
-    from obseq.formats.project import Project, Reading
+    from obseq.reading.text import TextFile
+
 
 NOWHERE = "a station (STN)"
 LABEL = 8
@@ -33,24 +32,6 @@ _COUNTED = re.compile(r"\d{4}\s*")
 """What ends each line of a stream that was sent in several: its number, and a sum to check it."""
 _SIGHT = re.compile(r" (?:\?\+(\d{8})([mf])|<)(\d{7})\+(\d{7})([dg])")
 THOUSANDTH = 1e-3
-
-
-def read_gts(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        file = read_text(path, reading.encoding)
-        book.open(file)
-        (_Stream if file.lines[0].lstrip(FRAME).startswith(STREAM) else _Labels)(book, file).read()
-    return book.project()
 
 
 class _Labels:
@@ -177,3 +158,12 @@ class _Stream:
             index, sight = self._sight
             self._sight = None
             self._book.sight(index, self._target, sight)
+
+
+def _file(book: Book, file: TextFile) -> _Labels | _Stream:
+    book.open(file)
+    return (_Stream if file.lines[0].lstrip(FRAME).startswith(STREAM) else _Labels)(book, file)
+
+
+read_gts = reader_of(NOWHERE, _file)
+"""Reads field books, one after the other."""

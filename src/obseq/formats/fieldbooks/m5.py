@@ -11,14 +11,10 @@ import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.formats.fieldbooks.book import Book, Sight, named, shown
+from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown
 from obseq.formats.fieldbooks.units import ANGLES, FOOT, RIGHT_ANGLE
-from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.project import Project, Reading
     from obseq.reading.text import TextFile
 
 NOWHERE = "a point with the code S"
@@ -47,22 +43,6 @@ class _Line(NamedTuple):
     is_point: bool
     info: str
     values: dict[str, _Value]
-
-
-def read_m5(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        _M5(book, read_text(path, reading.encoding)).read()
-    return book.project()
 
 
 class _M5:
@@ -172,3 +152,7 @@ def _name_and_code(info: str, is_levelled: bool) -> tuple[str, str]:
     if len(words) > 1:
         return named(words[0]), words[-1]
     return named(info[:20]), info[20:].strip()
+
+
+read_m5 = reader_of(NOWHERE, _M5)
+"""Reads field books, one after the other."""

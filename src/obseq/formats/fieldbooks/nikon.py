@@ -11,14 +11,10 @@ import math
 import re
 from typing import TYPE_CHECKING
 
-from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, shown
+from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, reader_of, shown
 from obseq.formats.fieldbooks.units import ANGLES, FOOT, SURVEY_FOOT
-from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.project import Project, Reading
     from obseq.reading.text import TextFile
 
 NOWHERE = "a station (ST)"
@@ -41,22 +37,6 @@ _SAID = re.compile(
 )
 _RESECTION = re.compile(r"\s*Start of Resection from Pt:\s*(\S+)\s*", re.IGNORECASE)
 REPLACED = "records with a *, which the instrument has replaced,"
-
-
-def read_nikon(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        _Nikon(book, read_text(path, reading.encoding)).read()
-    return book.project()
 
 
 class _Nikon:
@@ -144,3 +124,7 @@ class _Nikon:
             zenith = from_horizon(zenith)
         distance = self._book.length(index, slope, self._metre, "distance")
         self._book.sight(index, named(name), Sight(direction, zenith, distance))
+
+
+read_nikon = reader_of(NOWHERE, _Nikon)
+"""Reads field books, one after the other."""

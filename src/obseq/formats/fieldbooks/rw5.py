@@ -9,14 +9,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, shown
+from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, reader_of, shown
 from obseq.formats.fieldbooks.units import ANGLES, FOOT, HALF_TURN, SURVEY_FOOT
-from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.project import Project, Reading
     from obseq.reading.text import TextFile
 
 NOWHERE = "an occupied point (OC)"
@@ -31,22 +27,6 @@ LEFT_OUT = {
     "BR": "bearings (BR)",
     "CE": "changes in elevation (CE)",
 }
-
-
-def read_rw5(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        _Rw5(book, read_text(path, reading.encoding)).read()
-    return book.project()
 
 
 class _Rw5:
@@ -151,3 +131,7 @@ class _Rw5:
                 index, f"{key} {shown(text)}: no mode record (MO) says the unit of lengths"
             )
         return self._book.length(index, text, self._metre, key)
+
+
+read_rw5 = reader_of(NOWHERE, _Rw5)
+"""Reads field books, one after the other."""

@@ -10,14 +10,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, shown, unfilled
+from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, reader_of, shown, unfilled
 from obseq.formats.fieldbooks.units import ANGLES, FOOT, SURVEY_FOOT
-from obseq.reading.text import read_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.project import Project, Reading
     from obseq.reading.text import TextFile
 
 NOWHERE = "a station record (02)"
@@ -45,22 +41,6 @@ class _Widths(NamedTuple):
 
 
 WIDE, NARROW = _Widths(16, 16), _Widths(4, 10)
-
-
-def read_sdr(paths: tuple[Path, ...], reading: Reading) -> Project:
-    """Reads field books, one after the other.
-
-    Args:
-        paths: The files.
-        reading: How to read them; `sigmas` are the standard deviations of their observations.
-
-    Raises:
-        InputError: Naming file and line, what is wrong and what to do.
-    """
-    book = Book(reading, NOWHERE)
-    for path in paths:
-        _Sdr(book, read_text(path, reading.encoding)).read()
-    return book.project()
 
 
 class _Sdr:
@@ -150,3 +130,7 @@ class _Sdr:
         read = [self._length(index, text, "coordinate") for text in numbers]
         values = [math.nan if value is None else value for value in read]
         return values[self._axes[0]], values[self._axes[1]], values[2]
+
+
+read_sdr = reader_of(NOWHERE, _Sdr)
+"""Reads field books, one after the other."""

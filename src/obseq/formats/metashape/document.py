@@ -21,8 +21,18 @@ LARGEST = 1 << 30
 def read_document(path: Path) -> Element:
     """The document of an XML, of a project with its folder (`.psx`), or of one in an archive (`.psz`)."""
     if path.suffix.lower() == ".psz":
-        return xml_of(_member(path), f"{path}:doc.xml")
+        root = xml_of(member(path), f"{path}:doc.xml")
+        for chunk in (item for item in (root, *items(root, "chunks", "chunk")) if item.children):
+            for frame in items(chunk, "frames", "frame"):
+                _note_archive(frame, path)
+        return root
     return _archived(path) if path.suffix.lower() == ".psx" else read_xml(path)
+
+
+def _note_archive(frame: Element, archive: Path) -> None:
+    """Says of the tie points of a frame in which archive their files are."""
+    for cloud in frame.named("point_cloud"):
+        cloud.attributes["archive"] = str(archive)
 
 
 def _archived(path: Path) -> Element:
@@ -32,20 +42,47 @@ def _archived(path: Path) -> Element:
     archive = path.parent / inside
     if not inside or not archive.is_file():
         raise root.problem(f"the files of the project ({inside or 'no path'}) are not beside it")
-    document = xml_of(_member(archive), f"{archive}:doc.xml")
+    document = xml_of(member(archive), f"{archive}:doc.xml")
     places = [item.attributes.get("path", "") for item in items(document, "chunks", "chunk")]
-    chunks = [xml_of(_member(archive.parent / place), str(archive.parent / place)) for place in places]
+    chunks = [_beside(archive.parent, place) for place in places]
+    for chunk, place in zip(chunks, places, strict=True):
+        _put_frames(chunk, (archive.parent / place).parent)
     return Element(root.file, "document", {}, root.line, chunks)
 
 
-def _member(archive: Path) -> bytes:
+def _beside(folder: Path, name: str) -> Element:
+    """The document of an archive beside another one."""
+    found = (folder / name).resolve()
+    if not name or not found.is_relative_to(folder.resolve()):
+        raise InputError(f"{folder}: {name or 'no path'} is not in the folder of the project")
+    return xml_of(member(found), f"{found}:doc.xml")
+
+
+def _put_frames(chunk: Element, folder: Path) -> None:
+    """Puts frames, and their tie points, which are in archives of their own, in their places."""
+    for frame in items(chunk, "frames", "frame"):
+        if name := frame.attributes.get("path"):
+            frame.children.extend(_beside(folder, name).children)
+        for cloud in frame.named("point_cloud"):
+            if name and (inside := cloud.attributes.get("path")):
+                archive = (folder / name).parent / inside
+                cloud.children.extend(_beside((folder / name).parent, inside).children)
+                cloud.attributes["archive"] = str(archive)
+
+
+def member(archive: Path, name: str = "doc.xml") -> bytes:
+    """A file of an archive.
+
+    Raises:
+        InputError: It is not in it, or cannot be taken out.
+    """
     try:
         with zipfile.ZipFile(archive) as opened:
-            if opened.getinfo("doc.xml").file_size > LARGEST:
-                raise InputError(f"{archive}: doc.xml is larger than {LARGEST >> 20} MiB")
-            return opened.read("doc.xml")
+            if opened.getinfo(name).file_size > LARGEST:
+                raise InputError(f"{archive}: {name} is larger than {LARGEST >> 20} MiB")
+            return opened.read(name)
     except (OSError, KeyError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"{archive}: doc.xml cannot be taken out ({error})") from None
+        raise InputError(f"{archive}: {name} cannot be taken out ({error})") from None
 
 
 def chunk_of(root: Element, wanted: str | None) -> Element:

@@ -27,6 +27,7 @@ from obseq.formats.metashape.document import (
     number_of,
     read_document,
 )
+from obseq.formats.metashape.tie_points import add_tie_points
 from obseq.geometry import closest_rotation
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
@@ -79,7 +80,7 @@ def read_metashape(
     """The block of a chunk, and the definition of the frame that it is in.
 
     Images, calibrations, markers that were measured, their reference coordinates (those that are not enabled
-    are left as free points), reference positions of cameras, and scale bars. Tie points are not in them.
+    are left as free points), reference positions of cameras, scale bars, and tie points of a project.
 
     Args:
         path: an XML of cameras and markers, or a project.
@@ -104,6 +105,7 @@ def read_metashape(
         _add_positions(block, root, images, world)
         _add_measures(block, root, images, names, image_sigma)
         _add_scale_bars(block, root, names)
+        add_tie_points(block, root, images, world.places[""], _setting(root, "accuracy_tiepoints"))
         _note_unknowns(block, sensors)
     return block, world.definition
 

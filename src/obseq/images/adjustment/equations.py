@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.images.adjustment.clinometer_equations import ClinometerEquations
-from obseq.images.adjustment.far_points import viewpoints
-from obseq.images.adjustment.reference_equations import AntennaEquations, shutters_of
+from obseq.geometry import sums_by_owner
+from obseq.images.adjustment.reference_equations import AntennaEquations, ClinometerEquations, shutters_of
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
 from obseq.images.names import are_among, expression, index_of, no_parameter
 
@@ -297,3 +296,38 @@ def roots_of(covariances: FloatArray, given: BoolArray) -> FloatArray:
     for k in np.flatnonzero(off):
         roots[k] = np.linalg.cholesky(np.linalg.inv(covariances[k])).T
     return roots
+
+
+FAR_SIGMAS = 3.0
+"""Standard deviations of an inverse distance within which it may be zero."""
+
+
+def viewpoints(start: Start, centres: FloatArray) -> FloatArray:
+    """(n, 3) the middle of the places (k, 3) from where the points of a block are seen."""
+    image, point = rays_of(start)
+    counts = np.maximum(np.bincount(point, minlength=len(start.points)), 1)
+    return np.asarray(sums_by_owner(centres[image], point, len(start.points)) / counts[:, None])
+
+
+def rays_of(start: Start) -> tuple[IntArray, IntArray]:
+    """(m,) images and (m,) points of the measures that take part at first."""
+    images = [part.image[part.rows] for part in start.sets]
+    points = [part.point[part.rows] for part in start.sets]
+    return np.concatenate(images), np.concatenate(points)
+
+
+def are_far(start: Start, centres: FloatArray, coordinates: FloatArray, covariances: FloatArray) -> BoolArray:
+    """(n,) points of which infinity is within the precision of their distance, known points aside.
+
+    The inverse of a distance has the relative standard deviation of the distance.
+
+    Args:
+        start: of the block.
+        centres: (k, 3) adjusted.
+        coordinates: (n, 3) adjusted.
+        covariances: (n, 3, 3) of these.
+    """
+    arms = coordinates - viewpoints(start, centres)
+    squares = np.einsum("ij,ij->i", arms, arms)
+    along = np.einsum("ij,ijk,ik->i", arms, covariances, arms)
+    return np.asarray(start.is_free.all(axis=1) & (FAR_SIGMAS**2 * along > squares**2))

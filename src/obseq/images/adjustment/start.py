@@ -17,8 +17,7 @@ from obseq.images.initial.rough import ROUGH, distant_places, misfit, usual_plac
 from obseq.images.initial.units import unit_of_control
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of, numbered
-from obseq.images.poses import Poses
-from obseq.images.visibility import are_in_front
+from obseq.images.poses import Poses, are_in_front
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a block lacks to be adjusted, in the words of its images and points."""
+"""What a block lacks to be adjusted, and what its observations hardly determine, in its own words."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
 from obseq.images.adjustment.start import ContradictionError
-from obseq.images.adjustment.weakness import known_beside_points
 from obseq.images.initial.distribution import check_spread
 from obseq.leastsquares.diagnosis.rejection import is_emptied
+from obseq.leastsquares.diagnosis.singular import grouped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.images.adjustment.equations import Equations
-    from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.adjustment.start import Start
     from obseq.images.block import Block
+    from obseq.leastsquares import LeastSquaresResult
 
 DATUMS = ("control", "centres", "points", "none")
 
@@ -64,17 +64,6 @@ def check_weights(equations: Equations) -> None:
         )
 
 
-def check_cameras(solution: BundleSolution) -> BundleSolution:
-    """A solution, if its cameras are possible.
-
-    Raises:
-        ContradictionError: one is not: a mirror image has a negative focal length.
-    """
-    with cameras_refused():
-        solution.cameras  # noqa: B018  (each is checked when it is made)
-    return solution
-
-
 @contextmanager
 def cameras_refused() -> Iterator[None]:
     """Cameras that cannot be, which iterations have led to, are said to be those of a mirror image."""
@@ -109,3 +98,104 @@ def check_scale(block: Block, datum: str | Sequence[str]) -> None:
                 "the block a scale; add a length, or take the places of the cameras as known (is_fixed) "
                 "or as observed (place_sigmas)"
             )
+
+
+LEAST_OF_AN_IMAGE = 3
+"""Points that determine a pose."""
+HINT = (
+    "A block needs a datum: three control points that are not on a line, observed poses, or --datum centres "
+    "(datum='centres')."
+)
+POINT_HINT = "Rays of these points are nearly parallel: measure them from farther apart, or leave them out."
+CAMERA_HINT = (
+    "Hold parameters of the camera {} (--freeze '.*', or 'K.|p.|b.'; freeze_parameters), or give more images "
+    "and control points."
+)
+THRESHOLD_HINT = (
+    "All measures of a point may lie beyond the threshold: adjust with an attenuation and no threshold first "
+    "(it weakens large residuals, and leaves none out), then with the threshold from there."
+)
+
+
+def known_beside_points(block: Block, start: Start) -> int:
+    """Equations that say something of position, orientation or scale, those of control points left aside."""
+    images = start.poses.images
+    fixed = [*block.fixed_centres, *block.fixed_rotations]
+    held = 3 * sum(bool(pattern.fullmatch(image)) for pattern in fixed for image in images)
+    observed = 6 * sum(len(part.poses) for part in block.pose_observations)
+    observed += 3 * sum(len(set(part.images) & set(images)) for part in block.antennas)
+    read = sum(len(part.images) for part in block.instruments.inclinations)
+    return held + observed + read + len(block.lengths.values)
+
+
+def in_words(equations: Equations, error: SingularSystemError) -> SingularSystemError:
+    """The error of a block whose measures leave unknowns undetermined: which, and what may be wrong."""
+    message = f"{_undetermined(error)}\n{_hint(equations, error)}"
+    return SingularSystemError(message, error.unknowns, error.defect, error.kernel, error.movements)
+
+
+def weakness(equations: Equations, result: LeastSquaresResult) -> str:
+    """Why a solution has no precisions, in a sentence; empty where it has, or nothing speaks against them."""
+    if result.weak is None:
+        return ""
+    short = _shortage(result.n_observations + result.n_constraints, result.n_unknowns, _least_free(equations))
+    if short:
+        return short
+    error = result.weak
+    if isinstance(error, SingularSystemError) and error.unknowns:
+        return f"{_undetermined(error)}. {_hint(equations, error)}"
+    return str(error)
+
+
+def _least_free(equations: Equations) -> int:
+    """Parameters that a datum takes where nothing places the block in the world."""
+    block, start = equations.block, equations.start
+    known = int(start.is_control.sum()) + known_beside_points(block, start) + len(block.surveys)
+    return 0 if known else 7
+
+
+def _shortage(equations: int, unknowns: int, datum: int) -> str:
+    """What there is to say of so many equations for so many unknowns, some of which a datum takes."""
+    rest = unknowns - datum
+    if equations > rest:
+        return ""
+    taken = f"{rest} unknowns, and {datum} that the datum takes" if datum else f"{rest} unknowns"
+    counted = f"the block has {equations} equations for {taken}"
+    more = "measure more points in more images, or hold parameters of cameras (--freeze '.*')"
+    if equations == rest:
+        return f"{counted}: nothing checks the result; {more}"
+    return f"{counted}: it is {rest - equations} equations short; {more}"
+
+
+def _undetermined(error: SingularSystemError) -> str:
+    if error.kernel is None:
+        return str(error)
+    names = grouped(error.unknowns)
+    return f"the observations do not determine {names} (rank deficiency {error.defect})"
+
+
+def _hint(equations: Equations, error: SingularSystemError) -> str:
+    """What may be wrong with a block whose measures leave unknowns undetermined."""
+    block, start, system = equations.block, equations.start, equations.system
+    owners = {name.rpartition(".")[0] for name in error.unknowns}
+    cameras = [name for name in block.cameras if name in owners]
+    counts = np.zeros(len(start.poses), dtype=np.int64)
+    for part in start.sets:
+        counts += np.bincount(part.image[part.rows], minlength=len(counts))
+    poor = np.flatnonzero(counts < LEAST_OF_AN_IMAGE)
+    if poor.size:
+        return (
+            f"Image {start.poses.images[poor[0]]}: {counts[poor[0]]} of its points take part, and a pose "
+            f"takes {LEAST_OF_AN_IMAGE} ({poor.size} images have fewer); measure more, or leave it out."
+        )
+    n_equations = system.n_observations + system.n_constraints
+    short = _shortage(n_equations, system.problem.n_free, _least_free(equations))
+    if short:
+        return f"{short[0].upper()}{short[1:]}."
+    thresholds = [part.weighting for part in block.sets if part.weighting is not None]
+    if any(part.threshold for part in thresholds):
+        return THRESHOLD_HINT
+    if cameras:
+        return CAMERA_HINT.format(", ".join(cameras))
+    loose = [name for name in start.points if name in owners]
+    return POINT_HINT if loose and len(loose) == len(owners) else HINT

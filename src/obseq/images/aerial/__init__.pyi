@@ -1,7 +1,3 @@
-from .angles import angles_from_matrices as angles_from_matrices
-from .angles import matrices_from_angles as matrices_from_angles
-from .control import ResidualStatistics as ResidualStatistics
-from .control import residual_statistics as residual_statistics
 from .files import BadLine as BadLine
 from .files import GroundPoints as GroundPoints
 from .files import ImagePoints as ImagePoints
@@ -22,6 +18,8 @@ from .intersection import RayPoints as RayPoints
 from .intersection import intersect_pairs as intersect_pairs
 from .intersection import intersect_rays as intersect_rays
 from .intersection import most_distant_pairs as most_distant_pairs
+from .jobs import ResidualStatistics as ResidualStatistics
+from .jobs import residual_statistics as residual_statistics
 from .mapping import MapSystem as MapSystem
 from .resection import Resection as Resection
 from .resection import resect as resect
@@ -30,6 +28,8 @@ from .rpc import Rpc as Rpc
 from .rpc import fit_rpc as fit_rpc
 from .shots import FrameCamera as FrameCamera
 from .shots import Shots as Shots
+from .shots import angles_from_matrices as angles_from_matrices
+from .shots import matrices_from_angles as matrices_from_angles
 from .surfaces import ConstantHeight as ConstantHeight
 from .surfaces import Surface as Surface
 from .surfaces import Terrain as Terrain

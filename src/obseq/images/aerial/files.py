@@ -12,19 +12,16 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.images.aerial.angles import axes_of, unit_of
-from obseq.images.aerial.headers import Columns
+from obseq.images.aerial.heights import HeightType
 from obseq.images.aerial.result_columns import LeftOut
-from obseq.images.aerial.shots import FrameCamera, Shots
+from obseq.images.aerial.shots import FrameCamera, Shots, axes_of, unit_of
 from obseq.reading.text import parse_number, read_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.images.aerial.heights import HeightType
-
 
 SHOTS, IMAGE_POINTS, GROUND_POINTS = "NXYZOPKC", "PNXY", "PTXYZ"
 """The usual headers."""
@@ -315,3 +312,85 @@ def _whole(text: str) -> float:
     if value != int(value) or value <= 0:
         raise ValueError(f"{text!r} is not a positive whole number of pixels")
     return value
+
+
+_Z_TYPES = {"Z": HeightType.ALTITUDE, "H": HeightType.HEIGHT}
+_NUMBERS = frozenset("XYZHOPK")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What the columns of a file mean.
+
+    Attributes:
+        letters: one per column.
+    """
+
+    letters: str
+
+    @classmethod
+    def of(cls, header: str, needed: str, allowed: str, *, has_z: bool) -> Columns:
+        """The columns of a header string.
+
+        Raises:
+            InputError: an unknown letter, one that is missing or given twice, or both Z and H.
+        """
+        known = set(allowed) | {"S"} | (set(_Z_TYPES) if has_z else set())
+        for letter in header:
+            if letter not in known:
+                raise InputError(
+                    f"header {header!r}: {letter!r} has no meaning here; letters are {_listed(known)}."
+                )
+            if letter != "S" and header.count(letter) > 1:
+                raise InputError(f"header {header!r}: {letter} stands twice.")
+        missing = [letter for letter in needed if letter not in header]
+        if missing:
+            raise InputError(f"header {header!r}: {_listed(missing)} missing.")
+        if has_z and sum(letter in header for letter in _Z_TYPES) != 1:
+            raise InputError(f"header {header!r}: needs Z (altitude) or H (ellipsoidal height), one of them.")
+        return cls(header)
+
+    @property
+    def height_type(self) -> HeightType | None:
+        """Altitude for Z, height for H."""
+        return next((kind for letter, kind in _Z_TYPES.items() if letter in self.letters), None)
+
+    def read(self, line: str) -> dict[str, str | float]:
+        """The fields of a line by letter, z under Z.
+
+        Raises:
+            ValueError: with the reason.
+        """
+        words = line.split()
+        if len(words) != len(self.letters):
+            raise ValueError(
+                f"has {len(words)} columns, the header {self.letters!r} names {len(self.letters)}"
+            )
+        found: dict[str, str | float] = {}
+        for letter, word in zip(self.letters, words, strict=True):
+            if letter != "S":
+                found["Z" if letter == "H" else letter] = self._value(letter, word)
+        return found
+
+    def _value(self, letter: str, word: str) -> str | float:
+        is_angle_letter = "N" in self.letters and "C" in self.letters
+        if letter not in _NUMBERS or (letter == "P" and not is_angle_letter):
+            return word
+        return parse_number(word)
+
+    def is_title(self, line: str) -> bool:
+        """Whether no column that should hold a number does."""
+        words = line.split()
+        return len(words) == len(self.letters) and not any(_is_number(word) for word in words)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        parse_number(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _listed(letters: Iterable[str]) -> str:
+    return ", ".join(sorted(letters))

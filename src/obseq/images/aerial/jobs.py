@@ -12,7 +12,7 @@ import numpy as np
 from obseq.errors import InputError, ObseqError
 from obseq.images.aerial.heights import HeightType, convert_heights
 from obseq.images.aerial.intersection import intersect_pairs, intersect_rays, most_distant_pairs
-from obseq.images.aerial.ray_verdict import judged
+from obseq.images.aerial.rays import judged
 from obseq.images.aerial.resection import resect
 from obseq.images.aerial.result_columns import LeftOut, Table
 from obseq.images.aerial.shots import Shots
@@ -300,3 +300,49 @@ def _place(points: FloatArray) -> dict[str, Sequence[object]]:
 
 def _precisions(sigmas: FloatArray) -> dict[str, Sequence[object]]:
     return {f"s{axis}": sigmas[:, k].tolist() for k, axis in enumerate("xyz")}
+
+
+class Extreme(NamedTuple):
+    """An extreme residual of each coordinate.
+
+    Attributes:
+        values: (k,) one per coordinate.
+        names: the point that carries each.
+    """
+
+    values: FloatArray
+    names: tuple[str, ...]
+
+
+class ResidualStatistics(NamedTuple):
+    """Statistics of the coordinates of residuals; variances divide by their number.
+
+    Attributes:
+        minimum: smallest of each coordinate.
+        maximum: largest of each coordinate.
+        median: (k,).
+        mean: (k,).
+        variance: (k,).
+        sigma: (k,) standard deviation.
+    """
+
+    minimum: Extreme
+    maximum: Extreme
+    median: FloatArray
+    mean: FloatArray
+    variance: FloatArray
+    sigma: FloatArray
+
+
+def residual_statistics(names: Sequence[str], residuals: FloatArray) -> ResidualStatistics:
+    """Statistics of residuals (n, k) of named points; give absolute values for absolute statistics."""
+    each = np.arange(residuals.shape[1])
+    low, high = residuals.argmin(axis=0), residuals.argmax(axis=0)
+    return ResidualStatistics(
+        Extreme(residuals[low, each], tuple(names[row] for row in low)),
+        Extreme(residuals[high, each], tuple(names[row] for row in high)),
+        np.median(residuals, axis=0),
+        residuals.mean(axis=0),
+        residuals.var(axis=0),
+        residuals.std(axis=0),
+    )

@@ -8,8 +8,8 @@ import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
 from obseq.geometry import exponential, skew
-from obseq.images.aerial.angles import angles_from_matrices
 from obseq.images.aerial.frames import LocalFrames
+from obseq.images.aerial.shots import angles_from_matrices
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from obseq.images.aerial.mapping import MapSystem
-    from obseq.images.aerial.ray_verdict import RayVerdict
+    from obseq.images.aerial.rays import RayVerdict
 
 DECIMALS = {"omega": 9, "phi": 9, "kappa": 9}
 """Of numbers in some columns: degrees to a hundred thousandth of a second; all others have `USUAL`."""

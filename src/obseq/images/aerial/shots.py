@@ -10,7 +10,7 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.images.aerial.angles import angles_from_matrices, matrices_from_angles
+from obseq.geometry.attitudes import TURNS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -89,7 +89,7 @@ class Shots:
         has_alteration: bool = False,
         nadir: FloatArray | None = None,
     ) -> Shots:
-        """Shots from stored angles (n, 3), radians, in an order of axes (`obseq.images.aerial.angles`)."""
+        """Shots from stored angles (n, 3), radians, in an order of axes (`obseq.images.aerial.shots`)."""
         matrices = matrices_from_angles(np.asarray(angles, dtype=np.float64).reshape(-1, 3), order)
         places = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
         return cls(tuple(names), places, matrices, tuple(cameras), height_type, has_alteration, nadir)
@@ -121,3 +121,51 @@ class Shots:
     def with_nadir(self, nadir: FloatArray) -> Shots:
         """The same shots with the z of the ground in front of them (n,)."""
         return replace(self, nadir=nadir)
+
+
+UNITS = {"degree": np.pi / 180.0, "gon": np.pi / 200.0, "radian": 1.0}
+"""Radians in each unit of angle."""
+_AXES = {"o": 0, "p": 1, "k": 2}
+_FLIP = np.array([1.0, -1.0, -1.0])
+
+
+def axes_of(order: str) -> tuple[int, int, int]:
+    """The axes (0, 1, 2 for x, y, z) of an order such as ``opk``.
+
+    Raises:
+        InputError: if the order is not a permutation of o, p, k.
+    """
+    if sorted(order) != ["k", "o", "p"]:
+        raise InputError(f"order of rotations {order!r}: must be a permutation of the letters o, p, k.")
+    first, second, third = (_AXES[letter] for letter in order)
+    return first, second, third
+
+
+def unit_of(name: str) -> float:
+    """Radians in a unit of angle called degree, gon or radian.
+
+    Raises:
+        InputError: for another name.
+    """
+    if name not in UNITS:
+        raise InputError(f"unit of angles {name!r}: must be one of {', '.join(UNITS)}.")
+    return UNITS[name]
+
+
+def matrices_from_angles(angles: FloatArray, order: str = "opk") -> FloatArray:
+    """Rotations (n, 3, 3) from the map to image axes, of stored angles (n, 3), radians."""
+    turned = np.eye(3)
+    for axis, angle in zip(axes_of(order), angles.T, strict=True):
+        turned = turned @ TURNS[axis](angle)
+    return _FLIP[:, None] * np.swapaxes(turned, -1, -2)
+
+
+def angles_from_matrices(matrices: FloatArray, order: str = "opk") -> FloatArray:
+    """Stored angles (n, 3), radians, of rotations (n, 3, 3) from the map to image axes."""
+    a, b, c = axes_of(order)
+    turned = np.swapaxes(_FLIP[:, None] * matrices, -1, -2)
+    sign = 1.0 if (a, b, c) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+    first = np.arctan2(-sign * turned[..., b, c], turned[..., c, c])
+    second = np.arcsin(np.clip(sign * turned[..., a, c], -1.0, 1.0))
+    third = np.arctan2(-sign * turned[..., a, b], turned[..., a, a])
+    return np.stack([first, second, third], axis=-1)

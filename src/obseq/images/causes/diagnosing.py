@@ -15,6 +15,7 @@ from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
 from obseq.images.causes.given_poses import GIVEN_POSES, compared
 from obseq.images.causes.image import IMAGE
+from obseq.images.causes.largest_tests import sizes_of_tests
 from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.record import record_of_fits, record_of_verdict
@@ -24,7 +25,6 @@ from obseq.images.causes.trials import Tries, is_good, may_be_shared, squares
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 from obseq.images.causes.whole_images import images_off, with_images
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
-from obseq.images.output.largest_tests import sizes_of_tests
 from obseq.leastsquares.statistics.hypothesis_tests import robust_spread
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 

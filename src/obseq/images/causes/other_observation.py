@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.adjustment.equation_names import EquationNames
+from obseq.images.adjustment.quality import EquationNames
 from obseq.images.causes.cause import Cause, Members
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.images.aerial.ellipsoid import WGS84
+from obseq.images.aerial.mapping import WGS84
 from obseq.kernels import calculator
 
 if TYPE_CHECKING:

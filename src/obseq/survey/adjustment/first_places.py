@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.survey.equations.families import present
+from obseq.survey.kinds.axes import axis_of, centre_of
 from obseq.survey.kinds.kind import FirstPlace
 from obseq.survey.kinds.registry import BY_CODE, among, codes_placed_by
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from obseq.arrays import FloatArray, IntArray
     from obseq.survey.equations.frame import Frame
     from obseq.survey.model import FieldBook, Observations, Points
@@ -49,15 +52,17 @@ def with_first_places(frame: Frame, points: Points, book: FieldBook) -> Points:
     return replace(points, coordinates=xyz)
 
 
-def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Points | None:
-    """The points, with places for barycentres of points that have been placed; None when there are no more.
+def with_later_places(points: Points, book: FieldBook, placed: FloatArray) -> Points | None:
+    """The points, with places for what others have that have been placed; None when there are no more.
+
+    These are barycentres, and origins of axes at the centre of a circle.
 
     Args:
         points: Those without some of the places.
         book: The observations.
         placed: (n, 3) places of the points, NaN for none.
     """
-    if not _are_given(book.observations, FirstPlace.BARYCENTRE):
+    if not _are_given(book.observations, FirstPlace.BARYCENTRE, FirstPlace.CIRCLE):
         return None
     observations, xyz = book.observations, points.coordinates.copy()
     for row in _rows_of(observations, FirstPlace.BARYCENTRE).tolist():
@@ -65,8 +70,41 @@ def with_barycentres(points: Points, book: FieldBook, placed: FloatArray) -> Poi
         members = list(group.members)
         if np.isnan(placed[centre]).any() and np.isfinite(placed[members]).all():
             xyz[centre] = group.shares @ placed[members]
+    for origin, circle in _circles(book, placed):
+        centre_there = centre_of(circle)
+        if np.isnan(placed[origin]).any() and np.isnan(xyz[origin]).any() and centre_there is not None:
+            xyz[origin] = centre_there
     is_more = np.isfinite(xyz).sum() > np.isfinite(points.coordinates).sum()
     return replace(points, coordinates=xyz) if is_more else None
+
+
+def on_axes(points: Points, book: FieldBook, placed: FloatArray) -> FloatArray:
+    """(n, 3) places of points, where origins of axes that are not held are brought to their axis.
+
+    Coordinates of an origin that are off its axis by more than the radius lead the iterations astray.
+    """
+    found = placed
+    for origin, circle in _circles(book, placed):
+        normal, centre = axis_of(circle), centre_of(circle)
+        if centre is None or np.isnan(placed[origin]).any() or (points.sigmas[origin] == 0.0).any():
+            continue
+        along = normal / np.linalg.norm(normal)
+        found = found.copy() if found is placed else found
+        found[origin] = centre + along * ((placed[origin] - centre) @ along)
+    return found
+
+
+def _circles(book: FieldBook, placed: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """Origins of axes, and (k, 3) placed points of the circle that has most of them."""
+    rows = _rows_of(book.observations, FirstPlace.CIRCLE)
+    circles: dict[int, dict[int, FloatArray]] = {}
+    for group in np.unique(book.observations.groups[rows]).tolist():
+        of_circle = rows[book.observations.groups[rows] == group]
+        points = placed[book.observations.to_points[of_circle]]
+        origin = int(book.observations.from_points[of_circle[0]])
+        circles.setdefault(origin, {})[group] = points[np.isfinite(points).all(axis=1)]
+    for origin, several in circles.items():
+        yield origin, max(several.values(), key=len)
 
 
 def _are_given(observations: Observations, *uses: FirstPlace) -> bool:

@@ -233,34 +233,32 @@ def _of_all_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
     names = [points.names[row] for row in placed.tolist()]
     given = system.coordinates(points.coordinates[placed], names)
 
-    def with_coordinates(changed: FloatArray) -> Points:
-        coordinates = points.coordinates.copy()
-        coordinates[placed] = system.placed(changed, names)
-        return replace(points, coordinates=coordinates)
+    whole, heights = [1.0, 1.0, 1.0], [0.0, 0.0, 1.0]
+    feet = ((_FEET, "W106", "feet read as metres"), (1.0 / _FEET, "W107", "metres read as feet"))
+    of_all = f"of all {len(known)} known points"
+    changes = [("S210", "W123", "coordinates", "easting and northing are exchanged", given[:, [1, 0, 2]])]
+    changes += [
+        (code, slip, what, text, given * (1.0 + (factor - 1.0) * np.array(axes)))
+        for code, what, axes, factors in (
+            ("S211", "heights", heights, feet),
+            ("S212", "coordinates", whole, (*feet, (1e-3, "W126", "millimetres read as metres"))),
+        )
+        for factor, slip, text in factors
+    ]
+    for code, slip, what, text, changed in changes:
+        other = _moved(points, placed, changed, system)
+        if other is not None:
+            yield Rewritten(code, slip, f"{what} {of_all}", text, _NONE, known, other, notes.book)
 
-    what = f"coordinates of all {len(known)} known points"
-    text = "easting and northing are exchanged"
-    yield Rewritten(
-        "S210", "W123", what, text, _NONE, known, with_coordinates(given[:, [1, 0, 2]]), notes.book
-    )
-    for factor, slip, text in (
-        (_FEET, "W106", "feet read as metres"),
-        (1.0 / _FEET, "W107", "metres read as feet"),
-    ):
-        heights = with_coordinates(given * [1.0, 1.0, factor])
-        what = f"heights of all {len(known)} known points"
-        yield Rewritten("S211", slip, what, text, _NONE, known, heights, notes.book)
-    for factor, slip, text in (
-        (_FEET, "W106", "feet read as metres"),
-        (1.0 / _FEET, "W107", "metres read as feet"),
-        (1e-3, "W126", "millimetres read as metres"),
-    ):
-        what = f"coordinates of all {len(known)} known points"
-        try:
-            other = with_coordinates(given * factor)
-        except ObseqError:  # outside of their system
-            continue
-        yield Rewritten("S212", slip, what, text, _NONE, known, other, notes.book)
+
+def _moved(points: Points, rows: IntArray, given: FloatArray, system: PointSystem) -> Points | None:
+    """The points, some with other coordinates in their system; None where these are outside of it."""
+    coordinates = points.coordinates.copy()
+    try:
+        coordinates[rows] = system.placed(given, [points.names[row] for row in rows.tolist()])
+    except ObseqError:
+        return None
+    return replace(points, coordinates=coordinates)
 
 
 _MOST_KNOWN = 8
@@ -275,11 +273,11 @@ def _of_single_points(
     for row in known.tolist():
         name = points.names[row]
         what = f"known point {name} ({points.place(row)})"
-        own, coordinates = system.coordinates(points.coordinates[[row]], [name]), points.coordinates.copy()
-        coordinates[row] = system.placed(own[:, [1, 0, 2]], [name])[0]
-        changed = replace(points, coordinates=coordinates)
         text, only = "easting and northing are exchanged", np.array([row])
-        yield Rewritten("S111", "W123", what, text, _NONE, only, changed, book)
+        own = system.coordinates(points.coordinates[only], [name])
+        changed = _moved(points, only, own[:, [1, 0, 2]], system)
+        if changed is not None:
+            yield Rewritten("S111", "W123", what, text, _NONE, only, changed, book)
         if len(known) > 2:
             unknown, sigmas = points.coordinates.copy(), points.sigmas.copy()
             unknown[row], sigmas[row] = np.nan, np.nan
@@ -290,7 +288,7 @@ def _of_single_points(
             coordinates = points.coordinates.copy()
             coordinates[[row, other]] = coordinates[[other, row]]
             names = f"{points.names[row]} and {points.names[other]}"
-            both, changed = np.array([row, other]), replace(points, coordinates=coordinates)
+            both, renamed = np.array([row, other]), replace(points, coordinates=coordinates)
             what = f"known points {names} ({points.place(row)})"
             text = "the names of these two points are exchanged"
-            yield Rewritten("S113", "W133", what, text, _NONE, both, changed, book)
+            yield Rewritten("S113", "W133", what, text, _NONE, both, renamed, book)

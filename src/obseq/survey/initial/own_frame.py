@@ -1,7 +1,8 @@
 """A frame for a network in which nothing is known: a point is its origin, a sight from there its orientation.
 
 Two points are enough: from them the others are placed as from known points. Where no distance is measured,
-the first one is said to be `UNIT` long.
+the first one is said to be `UNIT` long. Slope distances alone say nothing of the vertical: a third point
+in a triangle with the two makes the plane of height 0, and a fourth one says which side of it is up.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from obseq.arrays import FloatArray
     from obseq.survey.model import FieldBook, Points
 
 UNIT = 100.0
@@ -55,17 +57,77 @@ def placed_in_own_frame(points: Points, book: FieldBook) -> tuple[Points, str] |
     for row, height in ((sight.origin, 0.0), (sight.target, _rise(measured, sight, flat))):
         if np.isnan(coordinates[row, 2]):
             coordinates[row, 2] = height
+    corners = _corners(measured, coordinates, sight)
     origin, target = points.names[sight.origin], points.names[sight.target]
     told = (
         f"no point has coordinates: the network is placed in a frame of its own, {origin} at 0 0 and the "
         f"azimuth to {target} {'as its circle has it' if sight in measured[Start.HZ] else '0'}; its datum "
         "is that of inner constraints"
     )
+    if corners:
+        told += f". Nothing says what is vertical: {points.names[corners[0]]} is at their height"
     if length is None:
         told += (
             f". No distance is measured: {origin} - {target} is taken as {UNIT:g} m, its scale says nothing"
         )
     return replace(points, coordinates=coordinates), told
+
+
+def _corners(measured: dict[Start, dict[_Sight, float]], coordinates: FloatArray, base: _Sight) -> list[int]:
+    """Places a third point at height 0, and a fourth one above it, where slope distances are all there is.
+
+    Args:
+        measured: The first value of each sort between two points.
+        coordinates: (n, 3), which are changed.
+        base: The first two points.
+
+    Returns:
+        Their rows, as far as they are found: the point farthest from the line, then from the plane.
+    """
+    if any(found for start, found in measured.items() if start is not Start.DISTANCE):
+        return []
+    lengths = {frozenset(sight): value for sight, value in measured[Start.DISTANCE].items()}
+    rows = sorted({end for sight in measured[Start.DISTANCE] for end in sight})
+    placed = list(base)
+    for _ in range(2):
+        found = {
+            row: _apex(coordinates[placed], [lengths.get(frozenset((end, row))) for end in placed])
+            for row in rows
+            if row not in placed
+        }
+        apexes = {row: apex for row, apex in found.items() if apex is not None}
+        if not apexes:
+            break
+        best = max(apexes, key=lambda row: apexes[row].off)
+        coordinates[best] = apexes[best].place
+        placed.append(best)
+    return placed[2:]
+
+
+class _Apex(NamedTuple):
+    """A place, and how far it is from what the points before it span."""
+
+    place: FloatArray
+    off: float
+
+
+def _apex(ends: FloatArray, lengths: Sequence[float | None]) -> _Apex | None:
+    """The place at these distances from two or three points; with two at height 0, with three above them."""
+    known = [length for length in lengths if length is not None]
+    if len(known) < len(ends):
+        return None
+    first = ends[0]
+    sides = ends[1:] - first
+    squares = np.square(known)
+    right = (squares[0] - squares[1:] + np.sum(sides**2, axis=1)) / 2.0
+    inside = np.linalg.lstsq(sides, right, rcond=None)[0]
+    off = float(squares[0] - inside @ inside)
+    if not off > 0.0:
+        return None
+    normal = np.cross(sides[0], [0.0, 0.0, 1.0] if len(sides) == 1 else sides[1])
+    normal *= 1.0 if normal[2] >= 0.0 else -1.0
+    off = math.sqrt(off)
+    return _Apex(first + inside + off * normal / np.linalg.norm(normal), off)
 
 
 def _measured(book: FieldBook) -> dict[Start, dict[_Sight, float]]:

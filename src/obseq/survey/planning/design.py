@@ -155,7 +155,7 @@ def plan(
     adjustment = replace(adjustment, notes=(*_notes(given), *adjustment.notes))
     ranked: list[GainRecord] = []
     count = 0
-    if with_gains and not adjustment.left_out:
+    if with_gains and not adjustment.left_out and (network.points.sigmas != 0.0).any():
         tried = candidates(exact, farthest)
         count = len(tried)
         if count:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.adjustment.equation_names import EquationNames
+from obseq.images.adjustment.quality import EquationNames
 from obseq.images.causes.comparison import has_robust_weights
 from obseq.leastsquares.statistics.hypothesis_tests import robust_spread
 from obseq.records.record import Record

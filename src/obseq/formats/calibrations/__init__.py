@@ -1,0 +1,1 @@
+"""Calibrations of cameras by other programs, without a block."""

@@ -1,0 +1,1 @@
+"""Networks of SNAP, the program of Land Information New Zealand: commands, stations and observations."""
