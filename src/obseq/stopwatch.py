@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import ClassVar
 
 Progress = Callable[[str], None]
 
@@ -16,7 +17,10 @@ class Stopwatch:
     Attributes:
         seconds: By phase, in the order of their beginning.
         progress: Receives what is being done.
+        begun: When the process of a command began: its first phase counts from there.
     """
+
+    begun: ClassVar[float | None] = None
 
     def __init__(self, progress: Progress | None = None) -> None:
         self.seconds: dict[str, float] = {}
@@ -26,7 +30,7 @@ class Stopwatch:
     def phase(self, name: str) -> Iterator[None]:
         """Adds the time of a block to a phase, and announces it."""
         self.progress(name)
-        start = time.perf_counter()
+        start, Stopwatch.begun = Stopwatch.begun or time.perf_counter(), None
         try:
             yield
         finally:

@@ -126,3 +126,44 @@ def violations(browser: Any, *rules: str) -> list[str]:
         for item in found["violations"]
         for node in item["nodes"][:2]
     ]
+
+
+def wrong(browser: Any, seen: Any, name: str, *rules: str) -> list[str]:
+    """What axe finds wrong on the page: nothing where it found nothing in the same document before."""
+    lighten(browser)
+    now = state(browser, *rules)
+    if seen.has(f"axe/{name}", now):
+        return []
+    found = violations(browser, *rules)
+    if not found:
+        seen.add(f"axe/{name}", now)
+    return found
+
+
+def asked(browser: Any) -> set[str]:
+    """How the page asked for whatever it asked for since it was opened."""
+    messages = [json.loads(row["message"])["message"] for row in browser.get_log("performance")]
+    return {
+        row["params"]["request"]["url"].split(":")[0]
+        for row in messages
+        if row["method"] == "Network.requestWillBeSent"
+    }
+
+
+def check_drawing(browser: Any) -> None:
+    """What is drawn: no two names overlap, and no ellipse of the whole plan leaves it."""
+    boxes, ellipses, size = browser.execute_script(
+        "const { plan } = page; plan.fit(); plan.put(); const [names, rings] = [[], []];"
+        "const sheet = new CanvasSheet(plan.context, plan.width, plan.height);"
+        "const box = (t, x, y, how) => [x, y - 10, x + sheet.wide(t, 12, how.weight), y + 2];"
+        "sheet.text = (...told) => { if (told[3].halo) names.push(box(...told)); };"
+        "const size = (k) => (plan.content.major[k] ?? 0) * plan.ellipseScale;"
+        "for (const [k, x, y] of plan.inside) rings.push([x, y, size(k)]);"
+        "plan.drawNames(sheet); return [names, rings, [plan.width, plan.height]]"
+    )
+    assert boxes
+    for k, one in enumerate(boxes):
+        for other in boxes[:k]:
+            assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+    for x, y, radius in ellipses:
+        assert radius <= x <= size[0] - radius and radius <= y <= size[1] - radius

@@ -96,18 +96,7 @@ def report(path, browser) -> Path:
 @pytest.fixture(scope="module")
 def violations(browser, seen) -> Callable[..., list[str]]:
     """What axe finds wrong on the page: nothing where it found nothing in the same document before."""
-
-    def found(name: str, *rules: str) -> list[str]:
-        browsing.lighten(browser)
-        state = browsing.state(browser, *rules)
-        if seen.has(f"axe/{name}", state):
-            return []
-        wrong: list[str] = browsing.violations(browser, *rules)
-        if not wrong:
-            seen.add(f"axe/{name}", state)
-        return wrong
-
-    return found
+    return partial(browsing.wrong, browser, seen)
 
 
 @pytest.fixture
@@ -271,22 +260,7 @@ def test_types_are_switched_on_the_plan(report, browser) -> None:
 
 
 def test_names_stand_apart_and_ellipses_within(report, browser) -> None:
-    """What is drawn: no two names overlap, and no ellipse of the whole plan leaves it."""
-    boxes, ellipses, size = browser.execute_script(
-        "const { plan } = page; plan.fit(); plan.put(); const [names, rings] = [[], []];"
-        "const sheet = new CanvasSheet(plan.context, plan.width, plan.height);"
-        "const box = (t, x, y, how) => [x, y - 10, x + sheet.wide(t, 12, how.weight), y + 2];"
-        "sheet.text = (...told) => { if (told[3].halo) names.push(box(...told)); };"
-        "const size = (k) => (plan.content.major[k] ?? 0) * plan.ellipseScale;"
-        "for (const [k, x, y] of plan.inside) rings.push([x, y, size(k)]);"
-        "plan.drawNames(sheet); return [names, rings, [plan.width, plan.height]]"
-    )
-    assert boxes
-    for k, one in enumerate(boxes):
-        for other in boxes[:k]:
-            assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
-    for x, y, radius in ellipses:
-        assert radius <= x <= size[0] - radius and radius <= y <= size[1] - radius
+    browsing.check_drawing(browser)
 
 
 def test_units_and_decimal_marks_are_chosen(spoilt, browser) -> None:
@@ -313,12 +287,8 @@ def test_units_and_decimal_marks_are_chosen(spoilt, browser) -> None:
 
 def test_nothing_is_logged_and_nothing_is_asked_of_a_network(report, browser) -> None:
     assert browser.get_log("browser") == []
-    messages = [json.loads(row["message"])["message"] for row in browser.get_log("performance")]
-    asked = [
-        row["params"]["request"]["url"] for row in messages if row["method"] == "Network.requestWillBeSent"
-    ]
-    assert asked
-    assert {url.split(":")[0] for url in asked} <= {"file", "data"}
+    asked = browsing.asked(browser)
+    assert asked and asked <= {"file", "data"}
 
 
 def test_axe_finds_nothing(spoilt, browser, violations) -> None:

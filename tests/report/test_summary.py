@@ -31,7 +31,7 @@ def test_more_is_told_when_it_is_asked_for(record) -> None:
     assert line_with(text, "each iteration").split()[-2:] == ["120.5", "1.25"]
     assert line_with(text, "of the solution").endswith("1.25")
     assert "at 95 %: 1.25; between 0.348 and 1.669 is expected: accepted" in text
-    assert "Seconds: read 0.25, adjust 1.50; 1.75 in all" in text
+    assert "Seconds: read 0.25, adjust 1.50, summary 0." in text
     lines = text.splitlines()
     start = next(k for k, line in enumerate(lines) if line.startswith("Observations. Residuals are"))
     row = "Hz A C site.obs:2 26.62000 gon 1.000 mgon -3.100 mgon -3.10"

@@ -108,7 +108,7 @@ def test_a_stored_result_is_shown_in_other_units(feet, tmp_path, capsys) -> None
 def test_plans_and_comparisons_are_in_the_units_of_the_files(feet, tmp_path, capsys) -> None:
     assert main(["plan", str(feet), "--no-gains", "--out", str(tmp_path / "plan")]) == 0
     shown = capsys.readouterr().out
-    assert ["us-ft", "dms", "dms"] in [line.split() for line in shown.splitlines()]
+    assert ["us-ft", "deg", "deg"] in [line.split() for line in shown.splitlines()]
     (weakest,) = json.loads((tmp_path / "plan" / "plan.json").read_text())["weakest_points"]
     (row,) = [line.split() for line in shown.splitlines() if line.startswith("  3  ")]
     assert float(row[1]) == pytest.approx(weakest["sigma"] / FOOT, abs=1e-5)

@@ -9,7 +9,7 @@ from planned import NAMES, network
 
 from obseq.errors import InputError
 from obseq.survey import Network, compare
-from obseq.survey.epochs.common_knowledge import common, given
+from obseq.survey.epochs.known_points import common, given
 from obseq.survey.planning.simulation import Simulation
 from obseq.survey.points import CoordinateCovariance
 

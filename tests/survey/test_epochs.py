@@ -13,8 +13,8 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.report.comparison import comparison_summary
 from obseq.survey import Network, compare, simulate
+from obseq.survey.epochs.congruence import relative_to, similarities
 from obseq.survey.epochs.displacements import displacements
-from obseq.survey.epochs.together import relative_to, similarities
 from obseq.survey.planning.simulation import Simulation
 
 SHIFT = np.array([0.006, -0.004, 0.003])

@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from obseq import crs
 from obseq.formats.columns import Columns, Measure
+from obseq.geometry.circles import axis_of
 from obseq.leastsquares.assembly.evaluation import jacobian_rows, raw_residuals
 from obseq.stopwatch import Stopwatch
 from obseq.survey import KINDS
 from obseq.survey.equations.equations import Equations
 from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues
-from obseq.survey.kinds.axes import axis_of
 from obseq.survey.kinds.registry import BY_NAME, FAMILIES
 from obseq.survey.model import Orientation, points_of_lines
 from obseq.survey.network import Network

@@ -8,8 +8,8 @@ import pytest
 
 from obseq.survey import Network, initial_values
 from obseq.survey.initial.initial_values import values_by
-from obseq.survey.sights import kept_graphs
-from obseq.survey.sights.kept_graphs import Graphs
+from obseq.survey.sights import graph_building
+from obseq.survey.sights.graph_building import Graphs
 
 DATA = files("obseq") / "survey" / "data"
 
@@ -28,8 +28,8 @@ def built(monkeypatch):
         counted.append(arguments)
         return kept(*arguments, **options)
 
-    kept = kept_graphs.build_graph
-    monkeypatch.setattr(kept_graphs, "build_graph", build)
+    kept = graph_building.build_graph
+    monkeypatch.setattr(graph_building, "build_graph", build)
     return counted
 
 

@@ -39,7 +39,7 @@ FORMATS = (
     "survey/checks/both_faces.py",
     "formats",
     "project/topo.py",
-    "report/rows.py",
+    "report/named.py",
     "report/scheme.py",
 )
 """Where single kinds have a name: their room, and what files call them (in `report`, those of results)."""

@@ -9,9 +9,9 @@ from obseq.errors import InputError
 from obseq.report.comparison import comparison_summary
 from obseq.survey import Datum, Network, compare
 from obseq.survey.epochs import congruence
+from obseq.survey.epochs.congruence import motions_of, relative_to, similarities
 from obseq.survey.epochs.displacements import Displacements
 from obseq.survey.epochs.localisation import moved_references
-from obseq.survey.epochs.together import motions_of, relative_to, similarities
 from obseq.survey.planning.simulation import Simulation
 
 PLACES = {

@@ -9,6 +9,8 @@ from planned import NAMES, PLACES, network, observation_text, point_text
 
 from obseq.cli.main import main
 from obseq.errors import InputError
+from obseq.report import planned as planned_page
+from obseq.report.planning import limited, plan_summary
 from obseq.survey import Network, Quality, join, plan, read_cor, read_obs, simulate, write_obs
 from obseq.survey.adjustment.datum import Datum
 from obseq.survey.planning.simulation import Simulation
@@ -105,7 +107,7 @@ def test_drawn_errors_agree_with_the_prediction_and_with_nothing_else(planned):
     assert found.draws.agrees
     assert abs(found.draws.ratio - 1.0) < 0.15
     assert abs(found.draws.sigma0 - 1.0) < 0.1
-    from obseq.survey.planning.draws import compared, draw
+    from obseq.survey.planning.simulation import compared, draw
 
     drawn = draw(Simulation(planned), 80, 3)
     too_small = replace(found.adjustment.points, covariances=found.adjustment.points.covariances / 2.0)
@@ -248,3 +250,45 @@ def test_placeholders_have_not_moved(tmp_path):
     assert {item.name for item in adjusted.replaced} == {"A", "B"}
     assert moved["A"] is None and moved["B"] is None
     np.testing.assert_allclose(moved["C"], 0.0, atol=1e-6)
+
+
+def test_what_limits_a_plan_is_said(tmp_path):
+    """Good known points leave the precision to the sights; bad ones take it, whatever is observed."""
+    sigmas = {"sights": 1e-6, "datum": 0.02}
+    records = {}
+    for name, sigma in sigmas.items():
+        (tmp_path / name).mkdir()
+        points = ("K1", "K2", "C", "E", "F")  # around the others
+        lines = point_text(sigma=sigma).splitlines()
+        fixed = [
+            f"1 {line.split()[1]} {' '.join(line.split()[2:5])} {sigma} {sigma} {sigma}"
+            if line.split()[1] in points
+            else line
+            for line in lines
+        ]
+        (tmp_path / name / "plan.cor").write_text("\n".join(fixed) + "\n")
+        (tmp_path / name / "plan.obs").write_text(observation_text())
+        read = Network.read(tmp_path / name / "plan.obs", tmp_path / name / "plan.cor")
+        records[name] = plan(read, with_gains=False).record()
+    assert limited(records["sights"]) is None
+    name, whole, own = limited(records["datum"])
+    assert name == records["datum"].weakest_points[0].point and own < 0.25 * whole
+    assert "The datum limits the precision, not the sights" in plan_summary(records["datum"])
+    assert "datum limits" not in plan_summary(records["sights"])
+    shown = planned_page.shown(records["datum"])
+    assert "limited by the known points and not by the sights" in shown.verdict.text
+    assert shown.lists[0].items[0].title == "The datum limits the precision"
+    places = [item.to for item in shown.lists[0].items if item.level == "warn" and item.where]
+    rows = records["datum"].adjustment.observations
+    assert all(place.table == "observations" and rows[place.row].redundancy < 0.5 for place in places)
+
+
+def test_a_plan_of_known_points_is_said_to_determine_nothing(tmp_path):
+    lines = point_text().splitlines()
+    known = [f"1 {' '.join(line.split()[1:5])} 0.001 0.001 0.001" for line in lines]
+    (tmp_path / "plan.cor").write_text("\n".join(known) + "\n")
+    (tmp_path / "plan.obs").write_text(observation_text())
+    record = plan(Network.read(tmp_path / "plan.obs", tmp_path / "plan.cor"), with_gains=False).record()
+    assert "every point is known already" in plan_summary(record)
+    shown = planned_page.shown(record)
+    assert (shown.verdict.level, "determines nothing" in shown.verdict.text) == ("warn", True)

@@ -10,7 +10,7 @@ from obseq.survey import KINDS, Quality, simulate
 from obseq.survey.kinds.registry import BY_NAME
 from obseq.survey.model import Orientation, points_of_lines
 from obseq.survey.network import Network
-from obseq.survey.planning.truth import with_values
+from obseq.survey.planning.simulation import with_values
 
 PLACES = {
     "A": (0.0, 0.0, 0.0),

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from obseq.cached import cached_property
 from obseq.survey import Network, Quality, network_from_tables
 from obseq.survey.model import Cluster
-from obseq.survey.planning.simulation import Simulation
-from obseq.survey.planning.truth import with_values
+from obseq.survey.planning.simulation import Simulation, with_values
 
 if TYPE_CHECKING:
     from obseq.survey.adjustment.adjusted import Adjustment

@@ -246,10 +246,12 @@ def _written(network: "Network", request: Request, watch: Stopwatch) -> tuple[Ad
         boundary = Boundary()
         files = boundary.texts({request.sinex: partial(sinex_of, adjustment)})
         adjustment = adjustment.failing(boundary.failures)
-    record = adjustment.record(request.title)
+    with watch.phase("record"):
+        record = adjustment.record(request.title)
     loading = [PhaseRecord("load", watch.seconds["load"])] if "load" in watch.seconds else []
     record = structs.replace(record, phases=(*loading, *record.phases))
     with watch.phase("write"):
         record = write(record, request.outputs, files)
-    phases = (*record.phases, PhaseRecord("write", watch.seconds["write"]))
+    rest = (PhaseRecord(name, watch.seconds[name]) for name in ("record", "write"))
+    phases = (*record.phases, *rest)
     return structs.replace(record, phases=phases), list(files)

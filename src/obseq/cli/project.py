@@ -271,8 +271,8 @@ def _block(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Fil
 
 def _report(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.project.cameras import read_orientation
+    from obseq.project.points import brought_to
     from obseq.project.reports import gcp_reports
-    from obseq.project.systems import brought_to
 
     measures, control = _measured(arguments, tree)
     orientation = tree.orientation(arguments.orientation)

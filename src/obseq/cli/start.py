@@ -7,8 +7,10 @@ import gc
 import os
 import signal
 import sys
+import time
 from typing import NoReturn
 
+BEGUN = time.perf_counter()
 INTERRUPTED = 130
 
 NEW_OBJECTS = 200_000
@@ -24,11 +26,16 @@ def main() -> int:
     if is_ours:
         signal.signal(signal.SIGINT, _leave)
     try:
+        from obseq.stopwatch import Stopwatch
+
+        Stopwatch.begun = BEGUN
         from obseq.cli.main import main as run
 
         if is_ours:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        return run()
+        code = run()
+        gc.freeze()  # what ends with the process need not be looked through
+        return code
     except KeyboardInterrupt:
         _leave()
 

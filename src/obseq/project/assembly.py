@@ -16,9 +16,8 @@ from obseq.project.instrument_blocks import FILE, read_instrument_block
 from obseq.project.instrument_joining import ENTRIES, add_instruments
 from obseq.project.metadata import chosen
 from obseq.project.networks import control_of, network_of, survey_points
-from obseq.project.points import read_image_measures, read_system
+from obseq.project.points import differ, read_image_measures, read_system, require_one
 from obseq.project.rigid_blocks import read_block
-from obseq.project.systems import differ, require_one
 from obseq.project.tie_points import read_tracks
 from obseq.project.topo import read_topo
 from obseq.project.tree import files_in

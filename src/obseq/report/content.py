@@ -25,7 +25,7 @@ from obseq.report.columns import (
 from obseq.report.named import ellipse_level, unit_of, where
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
 
@@ -33,9 +33,9 @@ Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""
 
 
-def tables(record: AdjustmentRecord, rows: Rows) -> list[Table]:
-    """The tables of an adjustment; the quantity of a column says how its numbers are shown."""
-    made = (of(record, rows) for of in TABLES)
+def tables(record: AdjustmentRecord, rows: Rows, names: Collection[str] = ()) -> list[Table]:
+    """The tables of an adjustment, or those of some names; the quantity of a column says how it is shown."""
+    made = (of(record, rows) for name, of in TABLES.items() if not names or name in names)
     return [item for item in made if item]
 
 
@@ -306,16 +306,17 @@ def _stations(record: AdjustmentRecord, rows: Rows) -> Table | None:
     return table("stations", "Stations", columns)
 
 
-TABLES: tuple[Callable[[AdjustmentRecord, Rows], Table | None], ...] = (
-    _observations,
-    _vectors,
-    _points,
-    _known,
-    _stations,
-    content_quality.by_type,
-    content_quality.by_station,
-    content_quality.ellipsoids,
-    content_quality.relative,
-    content_quality.components,
-    content_quality.undetermined,
-)
+TABLES: dict[str, Callable[[AdjustmentRecord, Rows], Table | None]] = {
+    "observations": _observations,
+    "vectors": _vectors,
+    "points": _points,
+    "known": _known,
+    "stations": _stations,
+    "by-type": content_quality.by_type,
+    "by-station": content_quality.by_station,
+    "ellipsoids": content_quality.ellipsoids,
+    "relative": content_quality.relative,
+    "components": content_quality.components,
+    "undetermined": content_quality.undetermined,
+}
+"""The tables by name, in the order of the page."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report.columns import choice, column, field, rounded, table
+from obseq.report.columns import choice, column, field, table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,8 +27,8 @@ def _points(record: PlanRecord, rows: Mapping[str, int]) -> Table | None:
     columns = [
         column("point", "point", (rows[item.point] for item in found)),
         field("sigma", "small_length", found, "sigma", about="in the direction in which it is known worst"),
-        column("azimuth", "angle", (rounded(item.azimuth, 9) for item in found), about="of that direction"),
-        column("elevation", "angle", (rounded(item.elevation, 9) for item in found), about="of the same"),
+        field("azimuth", "bearing", found, "azimuth", about="of that direction"),
+        field("elevation", "bearing", found, "elevation", about="of the same"),
     ]
     about = "Standard deviation in the direction in which the point is known worst, and that direction."
     return table("weakest", "Weakest points", columns, about=about)

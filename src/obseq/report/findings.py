@@ -67,7 +67,8 @@ def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
     text = item.text[:1].upper() + item.text[1:]
     if item.others:
-        text += f" Not told apart from: {listed([other.what for other in item.others], MOST_NAMES)}."
+        others = listed([other.what for other in item.others], MOST_NAMES)
+        text = f"{text.rstrip('.')}. Not told apart from: {others}."
     return Finding(
         "bad",
         sight(one) if one else name(item.what),
@@ -132,6 +133,7 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
     level = record.reliability
     if level is None or record.gross_errors:
         return
+    files = short_names(row.file for row in record.observations)
     found = [(abs(row.standardised_residual or 0.0), k) for k, row in enumerate(record.observations)]
     for size, k in sorted(found, reverse=True)[:MOST_BEYOND]:
         row = record.observations[k]
@@ -143,7 +145,7 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
                 sight(row),
                 text,
                 f"w {row.standardised_residual:.2f}",
-                f"{name(row.file)}:{row.line}",
+                f"{name(files[row.file])}:{row.line}",
                 to=Place("observations", row=k),
             )
 

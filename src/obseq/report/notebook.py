@@ -41,7 +41,7 @@ def adjustment_html(record: AdjustmentRecord) -> str:
     numbers = numbers_of(given)
     writer, found = (
         Writer(list(numbers), units_of(record)),
-        {item["id"]: item for item in tables(given, numbers)},
+        {item["id"]: item for item in tables(given, numbers, ["observations", "points"])},
     )
     shown = []
     if "observations" in found:

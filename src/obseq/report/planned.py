@@ -9,8 +9,9 @@ from msgspec import structs
 from obseq.report import adjusted, findings
 from obseq.report.content_plan import plan_tables
 from obseq.report.head import Card, Finding, Findings, Page, Place, Verdict, counted, share, strip
+from obseq.report.named import short_names
 from obseq.report.page import adjustment_page, document
-from obseq.report.planning import draws_told
+from obseq.report.planning import DATUM_STEP, draws_told, is_known, limited
 from obseq.report.said import bearing, name, small
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from obseq.records.plan import PlanRecord
 
-MOST = 5
+MOST = 3
 
 
 def plan_page(record: PlanRecord) -> str:
@@ -55,7 +56,7 @@ def _verdict(record: PlanRecord) -> Verdict:
     if planned.left_out:
         what = counted(len(planned.left_out), "point or station", "points and stations")
         return Verdict("warn", f"The plan does not determine {what}.", detail)
-    if all((point.known or "").lower() == "xyz" for point in planned.points):
+    if is_known(record):
         return Verdict("warn", "Every point is known already: the plan determines nothing.", detail)
     worst = record.weakest_points[0].sigma if record.weakest_points else None
     text = (
@@ -63,6 +64,8 @@ def _verdict(record: PlanRecord) -> Verdict:
         if worst is None
         else f"Every point will be known to {small(worst, digits=1)} or better"
     )
+    if limited(record):
+        text += ", limited by the known points and not by the sights"
     weak = len([item for item in record.weakest_observations if item.redundancy < findings.POOR])
     if weak:
         return Verdict("warn", f"{text}; {counted(weak, 'observation')} would be weakly checked.", detail)
@@ -102,6 +105,11 @@ def _drawn(record: PlanRecord) -> Iterator[Card]:
 
 
 def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
+    if (found := limited(record)) and not is_known(record):
+        point, full, alone = found
+        text = f"{name(point)} is known to {small(full)} in space; the sights alone leave {small(alone)}."
+        step = DATUM_STEP.removeprefix("Next: ")
+        yield Finding("warn", "The datum limits the precision", text, step=step, to=Place(point=rows[point]))
     for weak in record.weakest_points[:MOST]:
         size = small(weak.sigma)
         direction = f"along azimuth {bearing(weak.azimuth)}, elevation {bearing(weak.elevation)}"
@@ -112,6 +120,12 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
             size,
             to=Place(point=rows[weak.point]),
         )
+    observations = record.adjustment.observations
+    files = short_names(row.file for row in observations)
+    places = {
+        f"{row.type} {row.origin} -> {row.target} ({row.file}:{row.line})": k
+        for k, row in enumerate(observations)
+    }
     for item in record.weakest_observations[:MOST]:
         least = (
             "no error at all"
@@ -122,12 +136,16 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
         effect = (
             "without limit" if item.external is None else f"up to {item.external:.1f} standard deviations"
         )
+        row = places.get(item.observation)
+        sighted = None if row is None else observations[row]
         yield Finding(
             "warn",
-            name(item.observation),
+            name(item.observation) if sighted is None else findings.sight(sighted),
             f"{least[:1].upper()}{least[1:]} {seen}; it moves a coordinate {effect}.",
             f"r {item.redundancy:.2f}",
+            "" if sighted is None else f"{name(files[sighted.file])}:{sighted.line}",
             step="another observation to this point.",
+            to=None if row is None else Place("observations", row=row),
         )
     for gain in record.gains[:MOST]:
         whole = f"The network would be known to {small(gain.after)} instead of {small(gain.before)}"

@@ -1,5 +1,6 @@
 """The summary of a plan: how it was checked, where it is weak, and what one more observation would bring."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 from obseq.arguments import TEXTS, expecting, instance
@@ -13,6 +14,9 @@ from obseq.report.units import units_of
 from obseq.report.writer import Writer
 
 MOST_WARNINGS = 3
+DATUM = 0.5
+"""Share of the variance of a point below which sights do not limit it: most comes from the datum."""
+DATUM_STEP = "Next: known points that are better, or that lie around it; more sights bring little."
 
 
 @expecting(record=instance(PlanRecord), written=TEXTS)
@@ -28,6 +32,7 @@ def plan_summary(record: PlanRecord, written: Sequence[str] = ()) -> str:
     sections = (
         _counts(record),
         *(writer.lines(table) for table in plan_tables(record, rows)),
+        _limited(record),
         () if record.weakest_observations else ("Every observation is well controlled by the others.",),
         draws_told(record.draws),
         warnings(record.adjustment, MOST_WARNINGS),
@@ -51,6 +56,38 @@ def _counts(record: PlanRecord) -> Iterator[str]:
     yield f"  constraints  {planned.n_constraints:>8}   coordinates given with a sigma"
     yield f"  unknowns     {planned.n_unknowns:>8}"
     yield f"  redundancy   {planned.redundancy:>8}"
+
+
+def limited(record: PlanRecord) -> tuple[str, float, float] | None:
+    """The weakest point that the datum and not the sights limits: name, precision, that of the sights alone.
+
+    Precisions with inner constraints are those of the sights. The datum limits a point where more than half
+    of its variance is not theirs; None where it does not limit the weakest one.
+    """
+    names = {item.point for item in record.weakest_points[:1]}
+    for point in record.adjustment.points:
+        if point.name in names and point.inner:
+            whole = math.hypot(*(value or 0.0 for value in (point.sx, point.sy, point.sz)))
+            own = math.hypot(*point.inner)
+            return (point.name, whole, own) if own**2 < DATUM * whole**2 else None
+    return None
+
+
+def is_known(record: PlanRecord) -> bool:
+    """Whether every point is known already, so that the plan determines nothing."""
+    return all((point.known or "").lower() == "xyz" for point in record.adjustment.points)
+
+
+def _limited(record: PlanRecord) -> Iterator[str]:
+    """That all points are known, or that the known ones limit the plan."""
+    found = limited(record)
+    if is_known(record):
+        yield "Warning: every point is known already: the plan determines nothing."
+    elif found is not None:
+        small = units_of(record.adjustment).small_length
+        name, whole, own = found
+        yield f"The datum limits the precision, not the sights: {name} {small.text(whole)} in space,"
+        yield f"of the sights alone {small.text(own)}. {DATUM_STEP}"
 
 
 def draws_told(draws: DrawsRecord | None) -> Iterator[str]:

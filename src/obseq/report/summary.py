@@ -1,7 +1,11 @@
 """The summary on the terminal: whether the result may be used, what is wrong, how good it is."""
 
 import textwrap
+import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from heapq import nlargest
+
+from msgspec import structs
 
 from obseq.arguments import TEXT, TEXTS, WORDS, expecting, instance
 from obseq.errors import InputError
@@ -53,7 +57,7 @@ def summary(
     """
     if detail == "quiet":
         return printable(f"{verdict(record).text}\n{_files(written)}\n")
-    given = spared(record)
+    begun, given = time.perf_counter(), spared(record)
     is_long = detail == "verbose"
     sections: list[Iterable[str]] = [_head(record), gross_errors(record, MOST_ERRORS), left_out(record)]
     sections += [_cards(given), _why(record), _joint(record), snooping_lines(record)]
@@ -62,8 +66,9 @@ def summary(
     sections += [_table(given, name) for name in shown]
     sections += [warnings(record, len(record.warnings) if is_long else MOST_WARNINGS)]
     sections += [_notes(record, len(record.notes) if is_long else MOST_NOTES)]
-    sections += [_seconds(record) if is_long else (), [_files(written)]]
-    return printable("\n".join(line for section in sections for line in section) + "\n")
+    lines = [line for section in sections for line in section]
+    lines += [*(_seconds(record, time.perf_counter() - begun) if is_long else ()), _files(written)]
+    return printable("\n".join(lines) + "\n")
 
 
 def _head(record: AdjustmentRecord) -> Iterator[str]:
@@ -137,10 +142,9 @@ def _lines(
     """The first rows of a table, those of the largest values of a column first."""
     numbers = numbers_of(record)
     writer = Writer(list(numbers), units.units_of(record))
-    for table in tables(record, numbers):
-        if table["id"] == name:
-            rows = range(len(table["columns"][0]["values"])) if by is None else worst(table, by)
-            yield from writer.lines(table, rows[:most], () if most is None else TERSE)
+    for table in tables(record, numbers, [name]):
+        rows = range(len(table["columns"][0]["values"])) if by is None else worst(table, by)
+        yield from writer.lines(table, rows[:most], () if most is None else TERSE)
 
 
 def _notes(record: AdjustmentRecord, most: int) -> Iterator[str]:
@@ -149,10 +153,12 @@ def _notes(record: AdjustmentRecord, most: int) -> Iterator[str]:
         yield f"and {len(record.notes) - most} more notes (-v tells them)"
 
 
-def _seconds(record: AdjustmentRecord) -> Iterator[str]:
+def _seconds(record: AdjustmentRecord, told: float) -> Iterator[str]:
+    """The time of each part of the work, that of telling it too."""
     if record.phases:
-        total = sum(phase.seconds for phase in record.phases)
-        parts = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in record.phases)
+        phases = [*((phase.name, phase.seconds) for phase in record.phases), ("summary", told)]
+        total = sum(seconds for _, seconds in phases)
+        parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in phases)
         yield f"Seconds: {parts}; {total:.2f} in all"
 
 
@@ -224,7 +230,12 @@ def notes(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
-    yield from _lines(record, "observations", "w", WORST)
+    rows = [
+        (row.standardised_residual, row.normalised_residual, row) for row in record.observations if row.active
+    ]
+    worst_rows = nlargest(WORST, rows, key=lambda row: (abs(row[0] or 0.0), abs(row[1] or 0.0)))
+    few = structs.replace(record, observations=tuple(row for *_, row in worst_rows))
+    yield from _lines(few, "observations", "w", WORST)
     if record.joint:
         yield ""
         yield from _lines(record, "vectors", "T / limit", WORST)

@@ -36,11 +36,7 @@ class Printed:
     @property
     def width(self) -> int:
         """Letters of the longest."""
-        return max(len(self.title), len(self.unit), *map(len, self.cells), 0)
-
-    def aligned(self, text: str, width: int) -> str:
-        """A cell of it: texts left, numbers right."""
-        return text.ljust(width) if self.is_text else text.rjust(width)
+        return max(len(self.title), len(self.unit), max(map(len, self.cells), default=0))
 
 
 @dataclass(frozen=True)
@@ -74,13 +70,13 @@ class Writer:
 
     def _mixed(self, table: Table, column: Column, *, with_units: bool) -> list[str]:
         """The cells of a column of lengths and angles."""
-        scales = [self.units.scale(column["quantity"], is_angular=angular) for angular in (False, True)]
-        numbers = [scale.numbers(column["values"]) for scale in scales]
-        ends = [f" {scale.name}" if with_units else "" for scale in scales]
-        cells = []
-        for row, angular in enumerate(table["angular"]):
-            text = numbers[angular][row]
-            cells.append(text if text == ABSENT else text + ends[angular])
+        values, cells = column["values"], [ABSENT] * len(column["values"])
+        for is_angular in (False, True):
+            scale = self.units.scale(column["quantity"], is_angular=is_angular)
+            rows = [row for row, angular in enumerate(table["angular"]) if angular == is_angular]
+            end = f" {scale.name}" if with_units else ""
+            for row, text in zip(rows, scale.numbers([values[row] for row in rows]), strict=True):
+                cells[row] = text if text == ABSENT else text + end
         return cells
 
     def _units(self, table: Table, column: Column) -> list[str]:
@@ -197,9 +193,10 @@ def _block(columns: Sequence[Printed]) -> Iterator[str]:
     heads: list[Sequence[str]] = [[column.title for column in columns]]
     if any(column.unit for column in columns):
         heads.append([column.unit for column in columns])
-    for cells in (*heads, *zip(*(column.cells for column in columns), strict=True)):
-        parts = (c.aligned(text, width) for c, text, width in zip(columns, cells, widths, strict=True))
-        yield f"  {'  '.join(parts)}".rstrip()
+    aligned = zip(columns, widths, strict=True)
+    line = "  " + "  ".join(f"%{'-' if column.is_text else ''}{width}s" for column, width in aligned)
+    for cells in (*map(tuple, heads), *zip(*(column.cells for column in columns), strict=True)):
+        yield (line % cells).rstrip()
 
 
 def _brief(names: Iterable[str]) -> dict[str, str]:

@@ -34,7 +34,7 @@ from obseq.survey.initial.initial_values import InitialValues, values_by
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.initial.rivals import Choice
 from obseq.survey.model import join
-from obseq.survey.sights.kept_graphs import Graphs
+from obseq.survey.sights.graph_building import Graphs
 
 if TYPE_CHECKING:
     from obseq import crs

@@ -71,6 +71,22 @@ def test_refactors_new_values_after_one_analysis(solver_name, build):
         assert np.max(np.abs(solver.selected_inverse() - expected) / scale) < 1e-12
 
 
+def test_the_same_values_are_factored_once(solver_name, build, monkeypatch):
+    solver, pattern = factored(solver_name, build.survey(30))
+    same, plain, factorings = SymmetricPattern.of(build.survey(30))[1], type(solver)._factor, []
+    monkeypatch.setattr(
+        type(solver), "_factor", lambda self, *given: factorings.append(1) or plain(self, *given)
+    )
+    solver.factor(same.copy())
+    assert not factorings
+    same[pattern.diagonal[0]] *= 2.0
+    solver.factor(same)
+    assert factorings
+    rhs = np.arange(1.0, pattern.n + 1.0)
+    expected = np.linalg.solve(pattern.matrix(same).toarray(), rhs)
+    np.testing.assert_allclose(solver.solve(rhs), expected, rtol=1e-9, atol=1e-9)
+
+
 def test_entries_of_the_pattern_may_be_zero(solver_name):
     pattern = SymmetricPattern.of(np.ones((3, 3)))[0]
     solver = choose_solver(pattern, solver_name)

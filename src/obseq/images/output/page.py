@@ -219,7 +219,8 @@ def _lists(record: BundleRecord, block: BlockArrays) -> tuple[Findings, ...]:
 def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
     text = item.text[:1].upper() + item.text[1:]
     if item.others:
-        text += f" Not told apart from: {listed([other.what for other in item.others], MOST_NAMES)}."
+        others = listed([other.what for other in item.others], MOST_NAMES)
+        text = f"{text.rstrip('.')}. Not told apart from: {others}."
     off = f"T {item.test:.0f}" if item.test else ""
     rows = [place.row for place in item.observations]
     points = {point.name: k for k, point in enumerate(record.points)}

@@ -235,8 +235,9 @@ def _rounded(
     weights = np.where(batch.active, np.square(batch.weights[:, : batch.n]), 0.0)
     for residual, weight, derivatives in zip(rows[:m], weights, rows[m:].reshape(m, count, -1), strict=True):
         counts = weight > 0.0
-        residual, derivatives = np.where(counts, residual, 0.0), np.where(counts, derivatives, 0.0)
-        yield residual, weight, derivatives, (np.abs(derivatives) * own).sum(axis=0)
+        if not counts.all():
+            residual, derivatives = np.where(counts, residual, 0.0), np.where(counts, derivatives, 0.0)
+        yield residual, weight, derivatives, np.einsum("kn,kn->n", np.abs(derivatives), own)
 
 
 def roughness(equations: NormalEquations, step: FloatArray) -> float:

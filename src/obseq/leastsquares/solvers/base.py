@@ -55,13 +55,20 @@ class BaseSolver(ABC):
         return np.zeros(self.pattern.n)
 
     def factor(self, values: FloatArray) -> None:
-        """Factors the matrix of these values ((nnz,), in the order of the pattern).
+        """Factors the matrix of these values ((nnz,), in the order of the pattern), once if they come again.
+
+        Linear equations have the same matrix at each iteration, and at the solution.
 
         Raises:
             SingularMatrixError: pivots vanish; `defect` and `null_vectors` then tell where and how.
         """
         values = self.checked(values)
+        if self.is_factored and np.array_equal(values, self._values):
+            return
         self.invalidate()
+        if len(self._values) != len(values):
+            self._values = np.empty(len(values))
+        self._values[:] = values
         if not len(values):
             self._found = Defect(np.empty(0, dtype=np.int64), np.empty(0))
             return
@@ -73,7 +80,6 @@ class BaseSolver(ABC):
             found = self._factor(values, 0.0)
             replaced = found.indices
         self._replaced = replaced
-        self._values = values.copy() if found.dimension else np.empty(0)
         self._found = found  # the last: an interrupted factorisation is none
         self._require_regular()
 

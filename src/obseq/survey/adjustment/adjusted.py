@@ -23,7 +23,7 @@ from obseq.records.adjustment import (
     defined,
 )
 from obseq.records.shown_units import METRIC, ShownUnits
-from obseq.survey.adjustment.adjusted_quality import ellipse_records
+from obseq.survey.adjustment.adjusted_quality import covariance_of, ellipse_records
 from obseq.survey.adjustment.adjusted_records import (
     Fit,
     by_setup,
@@ -39,7 +39,6 @@ from obseq.survey.adjustment.adjusted_records import (
     unused_azimuths,
 )
 from obseq.survey.adjustment.joint_groups import joint_records
-from obseq.survey.adjustment.point_covariances import covariance_of
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.errors import InputError
+from obseq.printable import listed
 from obseq.records.adjustment import (
     EffectRecord,
     EllipseRecord,
@@ -20,9 +22,10 @@ from obseq.survey.adjustment.quality import Examination, numbers, of_observation
 from obseq.survey.equations.known_coordinates import GROUP
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray
+    from obseq.leastsquares import LeastSquaresResult
     from obseq.leastsquares.statistics.effects import Effects
     from obseq.leastsquares.statistics.ellipses import ErrorEllipses
     from obseq.leastsquares.statistics.reliability import Reliability
@@ -187,3 +190,32 @@ def _relative(found: Examination) -> Iterator[RelativeRecord]:
     )
     for first, second, distance, precision, turn, ellipse in zip(*columns, strict=True):
         yield RelativeRecord(first, second, distance, precision, turn if turn == turn else None, ellipse)
+
+
+MOST_NAMES = 8
+
+
+def covariance_of(
+    solution: LeastSquaresResult, known: Sequence[str], names: Sequence[str], a_priori: bool
+) -> FloatArray:
+    """(3 k, 3 k) covariance of points, m^2; of all of them when none is named.
+
+    Args:
+        solution: What holds the cofactors.
+        known: Names of all points.
+        names: Those that are asked for.
+        a_priori: Whether the given sigmas are trusted.
+
+    Raises:
+        InputError: A point is not in the network.
+    """
+    wrong = [name for name in names if name not in known]
+    if wrong:
+        there = listed(known, MOST_NAMES)
+        raise InputError(f"{wrong[0]} is no point of this adjustment; its points are {there}")
+    cofactors = solution.cofactors
+    scalars = cofactors.table.scalars(
+        cofactors.table.find(list(names or known), "Point3"), "covariance"
+    ).ravel()
+    factor = 1.0 if a_priori else solution.variance_factor or 1.0
+    return cofactors.between(scalars, scalars) * factor

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.geometry.circles import axis_of, centre_of
 from obseq.survey.equations.families import present
-from obseq.survey.kinds.axes import axis_of, centre_of
 from obseq.survey.kinds.kind import FirstPlace
 from obseq.survey.kinds.registry import BY_CODE, among, codes_placed_by
 

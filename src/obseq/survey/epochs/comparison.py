@@ -18,7 +18,7 @@ from obseq.records.adjustment import EllipseRecord
 from obseq.records.comparison import ComparisonRecord, DisplacementRecord, TestRecord
 from obseq.records.shown_units import METRIC
 from obseq.survey.adjustment.adjusted import Adjustment
-from obseq.survey.epochs.congruence import Tester, congruence
+from obseq.survey.epochs.congruence import Tester, congruence, determine, motions_of, relative_to
 from obseq.survey.epochs.displacements import MOST_POINTS, Displacements, displacements
 from obseq.survey.epochs.grounds import (
     at_odds,
@@ -32,7 +32,6 @@ from obseq.survey.epochs.grounds import (
 )
 from obseq.survey.epochs.known_points import by_observations, known_points
 from obseq.survey.epochs.localisation import moved_references
-from obseq.survey.epochs.together import determine, motions_of, relative_to
 from obseq.survey.equations.frame import Frame
 
 if TYPE_CHECKING:

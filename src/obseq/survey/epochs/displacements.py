@@ -15,7 +15,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.epochs.common_knowledge import cofactors, common, given
+from obseq.survey.epochs.known_points import cofactors, common, given
 
 if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray

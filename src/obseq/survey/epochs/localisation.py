@@ -18,8 +18,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.epochs.congruence import RANK
-from obseq.survey.epochs.together import determine, relative_to
+from obseq.survey.epochs.congruence import RANK, determine, relative_to
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -14,7 +14,8 @@ from obseq.survey.initial.candidates import (
     survey_surroundings,
     unique_positions,
 )
-from obseq.survey.initial.known import minus, plus, times, transposed_times
+from obseq.survey.initial.closed_forms import minus, plus
+from obseq.survey.initial.known import times, transposed_times
 from obseq.survey.initial.refinement import Refined, agreeing, contradictions, refine
 from obseq.survey.initial.relations import Relation, disagreement
 

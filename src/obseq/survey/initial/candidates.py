@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial import closed_forms as forms
-from obseq.survey.initial.known import Known, Matrix, minus, plus, times, transposed_times
+from obseq.survey.initial.closed_forms import minus, plus
+from obseq.survey.initial.known import Known, Matrix, times, transposed_times
 from obseq.survey.initial.relations import Measured, Relation
 from obseq.survey.sights.sights import direction
 

@@ -154,7 +154,7 @@ def _roots(a: float, b: float, c: float) -> list[float]:
 
 def ray_and_sphere(a: Space, direction: Space, centre: Space, radius: float) -> list[Space]:
     """Points of a half-line in space (unit direction) at a distance from a centre."""
-    to_centre = _difference(centre, a)
+    to_centre = minus(centre, a)
     along = _dot(to_centre, direction)
     across = math.sqrt(max(_dot(to_centre, to_centre) - along * along, 0.0))
     half = _half_chord(radius, across)
@@ -165,7 +165,7 @@ def ray_and_sphere(a: Space, direction: Space, centre: Space, radius: float) -> 
 
 def nearest_of_two_rays(a: Space, direction_a: Space, b: Space, direction_b: Space) -> list[Space]:
     """Middle of the shortest segment between two half-lines in space (unit directions)."""
-    cosine, offset = _dot(direction_a, direction_b), _difference(b, a)
+    cosine, offset = _dot(direction_a, direction_b), minus(b, a)
     square_sine = 1.0 - cosine * cosine
     if square_sine <= 1e-12:
         return []
@@ -181,16 +181,16 @@ def nearest_of_two_rays(a: Space, direction_a: Space, b: Space, direction_b: Spa
 def trilateration(centres: tuple[Space, Space, Space], radii: tuple[float, float, float]) -> list[Space]:
     """The two points at given distances from three centres (mirrored by their plane)."""
     a, b, c = centres
-    base = math.sqrt(_dot(_difference(b, a), _difference(b, a)))
+    base = math.sqrt(_dot(minus(b, a), minus(b, a)))
     if base == 0.0:
         return []
-    first = _scaled(_difference(b, a), 1.0 / base)
-    along = _dot(_difference(c, a), first)
-    rest = _difference(_difference(c, a), _scaled(first, along))
+    first = scaled(minus(b, a), 1.0 / base)
+    along = _dot(minus(c, a), first)
+    rest = minus(minus(c, a), scaled(first, along))
     across = math.sqrt(_dot(rest, rest))
     if across <= 1e-9 * base:
         return []
-    second = _scaled(rest, 1.0 / across)
+    second = scaled(rest, 1.0 / across)
     x = (radii[0] ** 2 - radii[1] ** 2 + base * base) / (2.0 * base)
     y = (radii[0] ** 2 - radii[2] ** 2 + along * along + across * across - 2.0 * along * x) / (2.0 * across)
     half = _half_chord(radii[0], math.hypot(x, y))
@@ -208,12 +208,19 @@ def _cross(a: Space, b: Space) -> Space:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _difference(a: Space, b: Space) -> Space:
+def minus(a: Space, b: Space) -> Space:
+    """Difference of two points."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def _scaled(a: Space, factor: float) -> Space:
+def scaled(a: Space, factor: float) -> Space:
+    """A vector times a number."""
     return a[0] * factor, a[1] * factor, a[2] * factor
+
+
+def plus(a: Space, b: Space) -> Space:
+    """Sum of two vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def _along(a: Space, direction: Space, length: float) -> Space:

@@ -35,8 +35,8 @@ from obseq.survey.initial.placement import GOOD, REST, Placement
 from obseq.survey.initial.rivals import Choice, Contest, contest_of, start_rivals
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
-from obseq.survey.sights.kept_graphs import Graphs
-from obseq.survey.sights.steps import GIVEN, Steps
+from obseq.survey.sights.graph_building import Graphs
+from obseq.survey.sights.sights import GIVEN, Steps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, FloatRows
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.steps import Cause, Step
+    from obseq.survey.sights.sights import Cause, Step
     from obseq.survey.sights.ways import PlumbWays
 
 _MOST_LISTED = 20

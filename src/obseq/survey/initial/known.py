@@ -11,13 +11,13 @@ import numpy as np
 from obseq.arrays import FloatArray
 from obseq.crs.normals import Normals
 from obseq.errors import InputError
-from obseq.survey.initial.closed_forms import Space
+from obseq.survey.initial.closed_forms import Space, minus, plus, scaled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import BoolArray, FloatRows
-    from obseq.survey.sights.steps import Cause
+    from obseq.survey.sights.sights import Cause
 
 Matrix = tuple[Space, Space, Space]
 """A 3 x 3 matrix by rows, as plain numbers: single points are computed faster without arrays."""
@@ -49,21 +49,6 @@ def turned(vector: Space, g0: float) -> Space:
     """A vector of a plumb instrument in local east, north, up."""
     (x, y, z), cosine, sine = vector, math.cos(g0), math.sin(g0)
     return x * cosine + y * sine, y * cosine - x * sine, z
-
-
-def minus(a: Space, b: Space) -> Space:
-    """Difference of two points."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def scaled(a: Space, factor: float) -> Space:
-    """A vector times a number."""
-    return a[0] * factor, a[1] * factor, a[2] * factor
-
-
-def plus(a: Space, b: Space) -> Space:
-    """Sum of two vectors."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def as_matrix(array: FloatArray) -> Matrix:

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.survey.initial.closed_forms import wrap
-from obseq.survey.initial.known import Known, minus, plus, times, transposed_times
+from obseq.survey.initial.closed_forms import minus, plus, wrap
+from obseq.survey.initial.known import Known, times, transposed_times
 from obseq.survey.initial.placement import Level, Placement
 from obseq.survey.initial.relations import central_angle
 from obseq.survey.model import Orientation
-from obseq.survey.sights.steps import Step, step_of
+from obseq.survey.sights.sights import Step, step_of
 
 if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space

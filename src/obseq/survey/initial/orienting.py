@@ -9,10 +9,11 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.geometry import closest_rotation, isometry, rotation_z
-from obseq.survey.initial.known import Known, Matrix, as_matrix, plus, scaled
+from obseq.survey.initial.closed_forms import plus, scaled
+from obseq.survey.initial.known import Known, Matrix, as_matrix
 from obseq.survey.initial.relations import free_direction
 from obseq.survey.model import Orientation
-from obseq.survey.sights.steps import Step
+from obseq.survey.sights.sights import Step
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows, IntArray

@@ -19,7 +19,7 @@ from obseq.survey.initial.polar_sights import LARGEST_SIGMA, PolarSights
 from obseq.survey.initial.relations import collect, station_g0s
 from obseq.survey.initial.traverse import Link, Traverse, link_g0, link_rise
 from obseq.survey.model import Orientation
-from obseq.survey.sights.steps import Step, step_of
+from obseq.survey.sights.sights import Step, step_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from obseq.survey.initial.known import plus, scaled, times, transposed_times, turned
+from obseq.survey.initial.closed_forms import plus, scaled
+from obseq.survey.initial.known import times, transposed_times, turned
 from obseq.survey.model import Orientation
-from obseq.survey.sights.steps import Step
+from obseq.survey.sights.sights import Step
 
 if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
     from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.sights import Sight
-    from obseq.survey.sights.steps import Cause
+    from obseq.survey.sights.sights import Cause, Sight
 
     Polar = tuple[Space, float, Cause]
     """A vector (instrument) from a station to a point, its expected error (m) and where it comes from."""

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.survey.initial.known import Known, Matrix, plus, transposed_times
+from obseq.survey.initial.closed_forms import plus
+from obseq.survey.initial.known import Known, Matrix, transposed_times
 from obseq.survey.initial.relations import (
     ANGLES,
     READING_AT,

@@ -7,8 +7,8 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.closed_forms import TURN, Space, wrap
-from obseq.survey.initial.known import Known, Matrix, minus, scaled, times, transposed_times
+from obseq.survey.initial.closed_forms import TURN, Space, minus, scaled, wrap
+from obseq.survey.initial.known import Known, Matrix, times, transposed_times
 from obseq.survey.model import Orientation
 from obseq.survey.sights.sights import direction
 

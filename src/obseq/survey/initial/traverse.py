@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.survey.initial.closed_forms import wrap
-from obseq.survey.initial.known import minus, plus, times, transposed_times, turned
+from obseq.survey.initial.closed_forms import minus, plus, wrap
+from obseq.survey.initial.known import times, transposed_times, turned
 from obseq.survey.model import Orientation
-from obseq.survey.sights.steps import GIVEN, Step
+from obseq.survey.sights.sights import GIVEN, Step
 from obseq.survey.sights.ways import PlumbWays, Views, Ways, find_ways
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
     from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.steps import Cause
+    from obseq.survey.sights.sights import Cause
 
 _DRIFT = 3.0
 """Spreads of points that were not given are enlarged by this factor: their errors are not independent."""

@@ -16,10 +16,8 @@ from obseq.survey.adjustment.adjusted_records import finite_number
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.network import Network
-from obseq.survey.planning.draws import compared, draw
 from obseq.survey.planning.gains import candidates, gains
-from obseq.survey.planning.simulation import Simulation
-from obseq.survey.planning.truth import placed
+from obseq.survey.planning.simulation import Simulation, compared, draw, placed
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -149,7 +147,9 @@ def plan(
     network = replace(network, points=network.fieldwork.points)  # heights that nothing observes are none
     simulation = Simulation(network)
     mask = _mask(network, counted)
-    wanted = replace(quality or Quality(), a_priori=True, snooping=None, variance_components=False)
+    wanted = replace(
+        quality or Quality(), a_priori=True, inner=True, snooping=None, variance_components=False
+    )
     exact = simulation.without_errors()
     adjustment = exact.adjust(start=simulation.truth, quality=wanted, progress=progress)
     adjustment = replace(adjustment, notes=(*_notes(given), *adjustment.notes))

@@ -1,24 +1,33 @@
-"""Observations as they would be: exact values at the coordinates of a network, with or without noise."""
+"""Observations as they would be, at coordinates that count as true; adjustments of such draws, as a check."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.arguments import NOTHING, SEED, TRUTH, expecting, instance
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.errors import InputError, ObseqError
+from obseq.leastsquares.statistics.distributions import chi_square_tails
+from obseq.printable import listed
+from obseq.records.plan import DrawsRecord
 from obseq.survey.equations.equations import Equations
 from obseq.survey.equations.plumb import Plumb
+from obseq.survey.initial.approximations import sentences_of
+from obseq.survey.initial.initial_values import InitialValues
+from obseq.survey.initial.orienting import plumb_rotation
 from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.model import Orientation, automatic_fix
 from obseq.survey.network import Network
-from obseq.survey.planning.truth import placed, truth, with_values
+from obseq.survey.sights.sights import GIVEN
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.initial.initial_values import InitialValues
+    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.stopwatch import Progress
+    from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.model import Points
 
 TURN = 2.0 * np.pi
@@ -123,3 +132,191 @@ def _places(points: Points) -> list[tuple[int, int]]:
     """Row and component of the coordinates that have a covariance."""
     given: IntArray | tuple[tuple[str, int], ...] = points.covariance.coordinates if points.covariance else ()
     return [(points.index[str(name)], int(component)) for name, component in given]
+
+
+MOST_NAMED = 10
+
+
+def truth(network: Network) -> InitialValues:
+    """Where points and instruments are, if the coordinates of the network are true.
+
+    The zero of every horizontal circle points to the north of its place.
+
+    Args:
+        network: all its points have coordinates.
+
+    Raises:
+        InputError: a plumb instrument stands where there is no vertical.
+    """
+    points, book = network.points, network.book
+    orientations = automatic_fix(book)
+    stations = len(book.stations)
+    if not network.frame.has_vertical and (orientations == Orientation.VERT.value).any():
+        first = int(book.stations.observations(int(np.argmax(orientations == Orientation.VERT.value)))[0])
+        raise InputError(f"{book.label(first)}: a #VERT station needs a frame in which there is a vertical")
+    verticals = network.frame.vertical(points.coordinates[book.stations.origins])
+    return InitialValues(
+        coordinates=points.coordinates.copy(),
+        rotations=plumb_rotation(verticals, np.zeros(stations)),
+        g0=np.zeros(stations),
+        orientations=orientations,
+        point_steps=(GIVEN,) * len(points),
+        station_steps=(GIVEN,) * stations,
+        unplaced=(),
+        expected_sigmas=np.zeros(len(points)),
+    )
+
+
+def placed(network: Network) -> Network:
+    """The network with true coordinates for all points.
+
+    Those of an adjustment where some have none, or placeholders, which are approximations at the origin or at
+    another point (0 0 0, say) that an adjustment would not use; a warning says so of these. Other coordinates
+    count, whatever the observed values are.
+
+    Raises:
+        InputError: the observations do not place such points, or contradict each other.
+    """
+    points = network.points
+    unusable = ~points.has_coordinates | _are_placeholders(network)
+    if not unusable.any():
+        return network
+    lacking = _lacking(points, unusable)
+    try:
+        adjustment = network.adjust()
+    except ObseqError as error:
+        raise InputError(f"{lacking}, and the observations do not place them: {error}") from error
+    if adjustment.left_out:
+        raise InputError(f"{lacking}; {adjustment.left_out[0].sentence}")
+    if not adjustment.converged or adjustment.gross_errors:
+        raise InputError(f"{lacking}, and the observed values do not agree with each other")
+    rows = np.asarray(points.is_free.any(axis=1))
+    coordinates = np.where(rows[:, None], adjustment.points.places, points.coordinates)
+    unobserved = adjustment.points.points.is_invented & np.isnan(points.coordinates)
+    invented = points.is_invented | unobserved
+    book = network.book.warned(*sentences_of(adjustment.replaced))
+    return replace(network, points=replace(points, coordinates=coordinates, invented=invented), book=book)
+
+
+def _are_placeholders(network: Network) -> BoolArray:
+    """(n,) free points at the origin of their system, or where another is, if an adjustment moves them."""
+    points, there = network.points, network.given_points().coordinates
+    _, which, counts = np.unique(there, axis=0, return_inverse=True, return_counts=True)
+    is_shared = counts[which.reshape(-1)] > 1
+    is_origin = (there[:, :2] == 0.0).all(axis=1)
+    found = np.asarray(points.is_free.any(axis=1) & (is_shared | is_origin))
+    if found.any():
+        doubted = list(network.fieldwork.initial_values().replaced)
+        found[np.setdiff1d(np.arange(len(points)), doubted)] = False
+    return found
+
+
+def with_values(network: Network, values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Network:
+    """The network with other observed values (n,), m or rad."""
+    observations = replace(network.book.observations, values=values)
+    return replace(network, book=replace(network.book, observations=observations))
+
+
+def _lacking(points: Points, unusable: BoolArray) -> str:
+    """What is wrong with a network some of whose points have no coordinates, or placeholders."""
+    names = [name for name, is_one in zip(points.names, unusable, strict=True) if is_one]
+    has_none = not points.has_coordinates[unusable].any()
+    have = "have none: add them to" if has_none else "have none, or a placeholder (0 0 0): correct them in"
+    told = f"{listed(names, MOST_NAMED)} {have} the point file"
+    return f"planning needs approximate coordinates of all points; {told}"
+
+
+LEVEL = 0.001
+"""Probability of calling a right prediction wrong."""
+RANK = 1e-9
+"""Share of the largest variance of a point below which a direction counts as known."""
+MAX_ITERATIONS = 10
+
+
+class Drawn(NamedTuple):
+    """What adjustments of drawn observations gave.
+
+    Attributes:
+        errors: (draws, n, 3) adjusted minus true coordinates, m.
+        variance_factors: (draws,) squared sigma0; NaN without redundancy.
+        failed: how many others did not converge.
+    """
+
+    errors: FloatArray
+    variance_factors: FloatArray
+    failed: int
+
+
+def draw(simulation: Simulation, count: int, seed: int, progress: Progress | None = None) -> Drawn:
+    """Adjusts drawn observations.
+
+    Args:
+        simulation: the network, whose coordinates count as true.
+        count: number of draws.
+        seed: of the random numbers.
+        progress: receives how far it is.
+    """
+    rng = np.random.default_rng(seed)
+    errors, factors = [], []
+    for number in range(count):
+        if progress is not None:
+            progress(f"draw {number + 1} of {count}")
+        found = _adjusted(simulation, rng)
+        if found is not None:
+            errors.append(found[0])
+            factors.append(found[1])
+    shape = (-1, len(simulation.network.points), 3)
+    return Drawn(np.array(errors).reshape(shape), np.array(factors), count - len(errors))
+
+
+def compared(drawn: Drawn, planned: Adjustment, seed: int) -> DrawsRecord:
+    """Drawn errors against the precisions of a plan."""
+    covariances = planned.points.covariances
+    is_unknown = np.trace(covariances, axis1=1, axis2=2) > 0.0
+    rows = np.flatnonzero(is_unknown & np.isfinite(covariances).all(axis=(1, 2)))
+    inverses, ranks = _inverses(covariances[rows])
+    count = len(drawn.errors)
+    sums = np.einsum("dni,nij,dnj->n", drawn.errors[:, rows], inverses, drawn.errors[:, rows])
+    single = np.array(
+        [2.0 * min(chi_square_tails(s, count * rank)) for s, rank in zip(sums, ranks, strict=True)]
+    )
+    worst = int(np.argmin(single))
+    p_value = float(-np.expm1(len(rows) * np.log1p(-min(float(single[worst]), 1.0 - 1e-16))))
+    ratios = sums / (count * ranks)
+    with_redundancy = np.isfinite(drawn.variance_factors).any()
+    return DrawsRecord(
+        draws=count + drawn.failed,
+        seed=seed,
+        ratio=float(ratios.mean()),
+        ratio_sigma=float(np.sqrt(2.0 / (count * ranks.mean()))),
+        worst_point=planned.points.names[rows[worst]],
+        worst_ratio=float(ratios[worst]),
+        p_value=p_value,
+        agrees=p_value > LEVEL,
+        sigma0=float(np.sqrt(np.nanmean(drawn.variance_factors))) if with_redundancy else None,
+        failed=drawn.failed,
+    )
+
+
+def _adjusted(simulation: Simulation, rng: np.random.Generator) -> tuple[FloatArray, float] | None:
+    """(n, 3) errors of the coordinates in one draw, and its variance factor; None if it did not converge."""
+    network, start = simulation.drawn(rng), simulation.truth
+    equations = Equations(network.frame, network.point_system, network.points, network.book, start)
+    try:
+        solution = equations.system.solve(
+            max_iterations=MAX_ITERATIONS, before_iteration=equations.follow, strategy="controlled"
+        )
+    except ObseqError:
+        return None
+    if not solution.converged:
+        return None
+    factor = np.nan if solution.variance_factor is None else solution.variance_factor
+    return solution.values(equations.points) - start.coordinates, factor
+
+
+def _inverses(covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inverses (n, 3, 3) in the directions that are not known exactly, and how many these are."""
+    values, vectors = np.linalg.eigh(covariances)
+    free: BoolArray = values > RANK * values[:, -1:]
+    inverted = np.where(free, 1.0 / np.where(free, values, 1.0), 0.0)
+    return np.einsum("nij,nj,nkj->nik", vectors, inverted, vectors), free.sum(axis=1).astype(np.float64)

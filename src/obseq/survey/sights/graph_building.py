@@ -1,14 +1,15 @@
 """Makes the graph of sights from the columns of a field book, kind by kind.
 
 When a quantity was measured several times, the first one is used: initial values need one, and the first is
-the one that a reader of the file finds.
+the one that a reader of the file finds. Field books of trials, which differ in values and sigmas only, share
+the graph that was made once.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from obseq.survey.kinds.registry import IS_ANGLE, KINDS, among, codes_where
 from obseq.survey.model import Orientation
 from obseq.survey.sights.sight_graph import Measured, SightGraph, decimals
 from obseq.survey.sights.sights import DISTANCE, DZ, HZ, SLOTS, ZENITH, Measures, make_sights
+from obseq.survey.sights.ways import PlumbWays
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -249,3 +251,68 @@ def _lay_level(measures: Measures) -> None:
     is_laid = (measures.rows[ZENITH] < 0) & (measures.rows[HZ] >= 0)
     measures.values[ZENITH, is_laid] = math.pi / 2.0
     measures.rows[ZENITH, is_laid] = measures.rows[HZ, is_laid]
+
+
+_MOST = 5000
+"""Observations up to which a graph is kept: those of large networks take memory."""
+
+_OF_GRAPHS = ("types", "from_points", "to_points", "stations", "backsights", "active")
+"""Columns of the observations, besides the heights, from which it follows what is in a graph."""
+
+
+class _Made(NamedTuple):
+    """A graph, the ways between its stations, and what they were made of."""
+
+    book: FieldBook
+    n_points: int
+    is_level: bool
+    graph: SightGraph
+    ways: PlumbWays
+
+
+class Graphs:
+    """Graphs of field books, one after the other: what one shares with the next is not made anew.
+
+    Args:
+        bend: as of `build_graph`.
+    """
+
+    def __init__(self, bend: float = 0.0) -> None:
+        self._bend = bend
+        self._last: _Made | None = None
+
+    def of(
+        self, book: FieldBook, n_points: int, orientations: npt.NDArray[np.int8], *, is_level: bool
+    ) -> tuple[SightGraph, PlumbWays]:
+        """The graph of a field book, and the ways between its stations; arguments as of `build_graph`."""
+        last = self._last
+        if last is None or (last.n_points, last.is_level) != (n_points, is_level):
+            graph = build_graph(book, n_points, orientations, is_level=is_level, bend=self._bend)
+        elif _is_the_same(last.book, book):
+            return last.graph, last.ways
+        elif _differ_in_numbers(last, book, orientations):
+            graph = measured_anew(last.graph, book)
+        else:
+            graph = build_graph(book, n_points, orientations, is_level=is_level, bend=self._bend)
+        made = _Made(book, n_points, is_level, graph, PlumbWays(graph))
+        if len(book.observations) <= _MOST:
+            self._last = made
+        return made.graph, made.ways
+
+
+def _is_the_same(book: FieldBook, other: FieldBook) -> bool:
+    return book.observations is other.observations and book.stations is other.stations
+
+
+def _differ_in_numbers(last: _Made, book: FieldBook, orientations: npt.NDArray[np.int8]) -> bool:
+    """Whether a book differs from that of a graph in values and sigmas only, and all in this is measured."""
+    first, other = last.book.observations, book.observations
+    n_assumed = len(last.graph.origins) - len(book.stations)
+    return (
+        not (last.is_level or n_assumed)
+        and last.book.stations is book.stations
+        and last.graph.orientations == orientations.tolist()
+        and all(getattr(first, name) is getattr(other, name) for name in _OF_GRAPHS)
+        and first.from_heights is other.from_heights
+        and first.to_heights is other.to_heights
+    )

@@ -1,4 +1,4 @@
-"""Sights: what each station measured to each target.
+"""Sights: what each station measured to each target, and by which of them points and stations were placed.
 
 When a quantity was measured several times, the first one is used: initial values need one, and the first is
 the one that a reader of the file finds. All sights together are arrays; one of them is a `Sight`.
@@ -7,8 +7,9 @@ the one that a reader of the file finds. All sights together are arrays; one of 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 
@@ -209,3 +210,53 @@ def make_sights(ends: IntRows, measures: Measures, sigmas: FloatArray) -> Sights
         of_measures[HZ],
         np.where(measured[HZ], 0.0, np.maximum(of_measures[DX], of_measures[DY])),
     )
+
+
+class Step(NamedTuple):
+    """How a point was placed or a station oriented: the method and the rows of its observations."""
+
+    method: str
+    observations: tuple[int, ...] = ()
+
+
+GIVEN = Step("given")
+FREE_STATION = "free station"
+
+Sighted = tuple[int, ...]
+"""Sights at whose end something is: one or two that meet there; more are those of a free station."""
+
+Cause = Step | Sighted
+
+
+class Steps(Sequence[Step | None]):
+    """The steps of points or of stations, None where there is none.
+
+    Args:
+        causes: of each.
+        sights: all of them.
+    """
+
+    def __init__(self, causes: Sequence[Cause | None], sights: Sights) -> None:
+        self._causes, self._sights = causes, sights
+
+    def __len__(self) -> int:
+        return len(self._causes)
+
+    @overload
+    def __getitem__(self, which: int) -> Step | None: ...
+    @overload
+    def __getitem__(self, which: slice) -> tuple[Step | None, ...]: ...
+    def __getitem__(self, which: int | slice) -> Step | tuple[Step | None, ...] | None:
+        """One of them, or several."""
+        if isinstance(which, slice):
+            return tuple(self[k] for k in range(len(self))[which])
+        cause = self._causes[which]
+        return None if cause is None else step_of(cause, self._sights)
+
+
+def step_of(cause: Cause, sights: Sights) -> Step:
+    """A cause in words, with its observations."""
+    if isinstance(cause, Step):
+        return cause
+    rows = (row for number in cause for row in sights.rows_of(number))
+    return Step(FREE_STATION if len(cause) > 2 else "azimuth and distance", tuple(dict.fromkeys(rows)))
