@@ -307,3 +307,49 @@ def test_two_and_three_errors_are_named_with_their_sizes(seed: int, size: float)
     assert verdict.redundancy == redundancy and verdict.left < 3.0 * redundancy
     tests = [one.test / one.limit for one in verdict.accused]
     assert tests == sorted(tests, reverse=True)
+
+
+def test_where_more_is_off_than_may_be_accused_only_the_patient_look_for_single_errors() -> None:
+    hasty = Counting(*everywhere(0))
+    verdict = diagnose(hasty, is_patient=False)
+    assert (verdict.status, verdict.accused) == (Status.UNEXPLAINED, ())
+    assert verdict.many > (N - U) / 2
+    patient = Counting(*everywhere(0))
+    assert not diagnose(patient).many > verdict.many
+    assert patient.adjustments > hasty.adjustments
+    matrix, noise = rows_of(8)
+    noise[[12, 20]] += 50.0
+    few = [diagnose(Linearly(matrix, noise), is_patient=patience) for patience in (True, False)]
+    assert [{one.change.index for one in verdict.accused} for verdict in few] == [{12, 20}] * 2
+
+
+def test_what_is_accepted_leaves_the_same_to_others_in_whatever_order_it_was() -> None:
+    matrix, noise = rows_of(11)
+    noise[[3, 12, 30]] += 40.0
+    place = Linearly(matrix, noise).robust()
+    chosen = (3, 12, 30, N)
+    grown, shrunk = linear_tests(Linearly(matrix, noise), place), linear_tests(Linearly(matrix, noise), place)
+    for count in range(1, len(chosen) + 1):
+        grown.given(chosen[:count])
+    shrunk.given(chosen)
+    for gone in chosen:
+        rest = [i for i in chosen if i != gone]
+        alone = linear_tests(Linearly(matrix, noise), place)
+        for tests in (grown, shrunk):
+            np.testing.assert_allclose(tests.given(rest).shown, alone.given(rest).shown, atol=1e-9)
+            ours, theirs = tests.tests(tests.given(rest), rest), alone.tests(alone.given(rest), rest)
+            np.testing.assert_allclose(ours.statistic, theirs.statistic, atol=1e-8)
+
+
+def test_a_variance_factor_scales_tests_and_standard_deviations_and_no_size() -> None:
+    matrix, noise = rows_of(3)
+    noise[12] += 30.0
+    plain, loose = (
+        diagnose(Linearly(matrix, noise), replace(POLICY, variance=variance)).accused[0]
+        for variance in (1.0, 4.0)
+    )
+    assert plain.change.index == loose.change.index == 12
+    assert loose.test == pytest.approx(plain.test / 4.0, rel=1e-9)
+    np.testing.assert_allclose(loose.change.size, plain.change.size, rtol=1e-9)
+    np.testing.assert_allclose(loose.change.sigma, 2.0 * plain.change.sigma, rtol=1e-9)
+    assert not diagnose(Linearly(matrix, noise), replace(POLICY, variance=900.0)).accused

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Generic
 import numpy as np
 
 from obseq.diagnosis.explanation import Explanation, accepted, better, change_of, with_equals
-from obseq.diagnosis.judgement import judged, with_slips
+from obseq.diagnosis.judgement import MANY, judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
@@ -29,16 +29,23 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
 
-def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
-    """What is wrong with a model, or that nothing is."""
-    return Search(model, policy).verdict()
+def diagnose(model: Model[Place], policy: Policy = POLICY, *, is_patient: bool = True) -> Verdict:
+    """What is wrong with a model, or that nothing is.
+
+    Args:
+        model: It.
+        policy: How it is judged.
+        is_patient: Whether single errors are looked for even where more than half of all is off.
+    """
+    return Search(model, policy, is_patient=is_patient).verdict()
 
 
 class Search(Generic[Place]):
     """One diagnosis: what it has spent, and what it found."""
 
-    def __init__(self, model: Model[Place], policy: Policy) -> None:
-        self._model, self._policy = model, policy
+    def __init__(self, model: Model[Place], policy: Policy, *, is_patient: bool = True) -> None:
+        self._model, self._policy, self._is_patient = model, policy, is_patient
+        self._many = 0
         self._hypotheses = model.hypotheses
         self._steps = 0
         self._last: tuple[Place, LinearTests] | None = None
@@ -57,6 +64,8 @@ class Search(Generic[Place]):
             if not told:
                 return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy)
         best = self._from_all_places(solution)
+        if self._many:
+            return Verdict(Status.UNEXPLAINED, reason=MANY, many=self._many)
         if best is None:
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
@@ -96,6 +105,10 @@ class Search(Generic[Place]):
         if best is not None:
             return best
         robust = self._robust(())
+        if robust is not None and not self._is_patient:
+            self._many = self._too_many(robust)
+            if self._many:
+                return None
         for place in (robust, solution):
             found = None if place is None else self._adapted(place, is_robust=place is robust)
             best = better(best, found)
@@ -114,6 +127,14 @@ class Search(Generic[Place]):
         if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
         return best
+
+    def _too_many(self, robust: Place) -> int:
+        """How many rows are off at a robust place, if more than may be accused, or told; else 0."""
+        tests = self._tests(robust)
+        rows = self._hypotheses.columns[self._hypotheses.starts[:-1][self._hypotheses.is_start]]
+        count = int(np.count_nonzero(np.abs(tests.off[rows]) > self._policy.suspect))
+        least = max(self._policy.most, self._policy.half * tests.linear.redundancy)
+        return count if count > least else 0
 
     def _by_one(self, solution: Place) -> Explanation[Place] | None:
         """One hypothesis that explains all that least squares show, and is proved by its adjustment."""

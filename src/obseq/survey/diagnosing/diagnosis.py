@@ -74,15 +74,18 @@ def record_of(
         of: Such a network -> its model.
         policy: How it is judged.
     """
-    found = diagnosis_of(model, units, policy)
-    own = found.record()
+    found = diagnosis_of(model, units, policy, is_patient=False)
     count = max(len(found.verdict.accused), found.verdict.many)
     if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and count <= _FEW:
-        return own
+        return found.record()
     trial = best_rewriting(model, begin, of, is_many=count > _FEW)
-    if trial is None:
+    rest = None if trial is None else diagnosis_of(of(trial.start), units, policy).record()
+    if found.verdict.many and (rest is None or rest.status not in ("accepted", "explained")):
+        found = diagnosis_of(model, units, policy)
+        count = max(len(found.verdict.accused), found.verdict.many)
+    own = found.record()
+    if trial is None or rest is None:
         return own
-    rest = diagnosis_of(of(trial.start), units, policy).record()
     is_better = rest.status in ("accepted", "explained") or rest.left < POLICY.whole * own.left
     if not is_better or len(rest.accused) >= max(count, 1):
         return own
@@ -91,6 +94,8 @@ def record_of(
     return structs.replace(rest, status=status, accused=(one, *rest.accused))
 
 
-def diagnosis_of(model: NetworkModel, units: Units, policy: Policy = POLICY) -> Diagnosis:
+def diagnosis_of(
+    model: NetworkModel, units: Units, policy: Policy = POLICY, *, is_patient: bool = True
+) -> Diagnosis:
     """The diagnosis of a network."""
-    return Diagnosis(diagnose(model, policy), model, units)
+    return Diagnosis(diagnose(model, policy, is_patient=is_patient), model, units)
