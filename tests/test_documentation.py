@@ -39,6 +39,15 @@ BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL
 LINK = re.compile(r"\]\((?!https?:)([^)#]+)")
 COMMAND = re.compile(r"^(?:\.venv/bin/)?obseq (.*)$", re.MULTILINE)
 SHOWN = "class TopoHz"
+RUN = ("python", "sh")
+MORE = re.compile(
+    r"^\s*(?:from|import) (?:sympy|matplotlib|pandas|pyogrio|rasterio|ezdxf|jax|PIL)\b"
+    r"|^\s*(?:from|import) obseq\.(?:formulas|codegen)\b"
+    r"|^\s*(?:gencode|pytest|python tools|ruff|mypy)\b|^[^#\n]*\.(?:plot|frame)\(|\.(?:gpkg|kml|dxf)\b",
+    re.MULTILINE,
+)
+"""What the extras are for, and what only a checkout has."""
+SAYS_SO = re.compile(r"# (?:needs obseq\[\w+\]|in a checkout)")
 LOCAL_POINTS = "1 PtA 0 0 10 0.001\n0 PtB 10 0 10\n0 PtC 10 10 10\n1 PtD 0 -10 10 0.001\n"
 AERIAL = {
     "flight.opk": "A 700000 6600000 1500 0 0 0 c\nB 700400 6600000 1500 0 0 0 c\n",
@@ -119,6 +128,16 @@ def test_no_page_has_examples_that_nothing_runs() -> None:
     assert {page.name for page in with_code - set(WITH_EXAMPLES)} == OF_ROOMS
 
 
+def test_blocks_that_need_more_than_the_set_up_say_so_in_their_first_line() -> None:
+    """The README's set-up installs what runs; extras, and the tools of a checkout, are something else."""
+    more = [
+        text for page in PAGES for language, _, text in blocks(page) if language in RUN and MORE.search(text)
+    ]
+    assert len(more) > 5
+    silent = [text for text in more if not SAYS_SO.match(text)]
+    assert silent == []
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     missing = [
@@ -171,3 +190,26 @@ def test_docstring_examples_run(name: str, site: Path) -> None:
     runner = doctest.DocTestRunner(Checker(), optionflags=doctest.NORMALIZE_WHITESPACE)
     for example in doctest.DocTestFinder(exclude_empty=True).find(importlib.import_module(name), name):
         assert runner.run(example).failed == 0
+
+
+TASKS = re.compile(r"## Ten everyday tasks.*?^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+ASKED = re.compile(r"\b(network|adjustment|block|solution)\.(\w+)\(")
+
+
+@pytest.mark.parametrize("name", ["examples.md", "first-block.md"])
+def test_everyday_tasks_are_lines_whose_words_are_in_the_reference(name: str) -> None:
+    """The reference is made of the docstrings of what the rooms export."""
+    from obseq.images import AdjustedBlock, BundleAdjustment
+    from obseq.survey import Adjustment, Network
+
+    owners = {
+        "network": Network,
+        "adjustment": Adjustment,
+        "block": BundleAdjustment,
+        "solution": AdjustedBlock,
+    }
+    (text,) = TASKS.findall((ROOT / "docs" / name).read_text(encoding="utf-8"))
+    assert re.findall(r"  # (\d+): ", text) == [str(number) for number in range(1, 11)]
+    asked = set(ASKED.findall(text))
+    assert len(asked) > 6
+    assert [word for owner, word in asked if not getattr(owners[owner], word).__doc__] == []

@@ -56,7 +56,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
         "reading",
     ),
     "formats": ("survey", "images", "kernels", "geometry", "crs", "records", "reading"),
-    "joint": ("images", "survey", "diagnosis", "records", "leastsquares", "kernels"),
+    "joint": ("images", "survey", "diagnosis", "records", "report", "leastsquares", "kernels"),
     "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
     "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry", "reading"),
     "cli": (
@@ -129,6 +129,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "epochs": ("adjustment", "equations", "initial", "sights", "model"),
         "planning": ("network", "adjustment", "equations", "initial", "sights", "model", "kinds"),
         "maps": (),
+        "drawings": ("maps",),
     },
     "images": {
         "model": (),
@@ -170,7 +171,9 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "epipolar": ("aerial", "camera"),
         "placing": ("causes", "adjustment", "initial", "poses", "measures"),
         "output": ("causes", "adjustment", "block", "camera"),
-        "bundle": ("placing", "adjustment"),
+        "adjusted": ("output", "adjustment"),
+        "edited": ("adjusted", "causes", "adjustment", "parts"),
+        "bundle": ("edited", "placing", "adjustment"),
         "satellite": ("output", "aerial", "adjustment", "control", "measures", "names"),
         "uncalibrated": ("bundle", "initial", "control", "poses", "camera", "measures", "names"),
     },

@@ -16,9 +16,9 @@ from .errors import SolverStateError as SolverStateError
 from .errors import SolverUnavailableError as SolverUnavailableError
 from .errors import StepError as StepError
 from .joint import Adjustment as Adjustment
+from .joint.saved import load as load
 from .kernels.calculator import Calculator as Calculator
 from .kernels.calculator import calculator as calculator
 from .kernels.loading import formula_names as formula_names
 from .leastsquares import LeastSquares as LeastSquares
-from .report.saving import load as load
 from .version import __version__ as __version__

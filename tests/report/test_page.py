@@ -6,10 +6,11 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from obseq.records.shown_units import ShownUnits
 from obseq.report.packed import packed
-from obseq.report.page import MOST_OBSERVATIONS, page
+from obseq.report.page import MOST_OBSERVATIONS, adjustment_page, document, page
 from obseq.report.said import length, name, small
 from obseq.report.said import plain as said
 from obseq.report.units import Units
@@ -272,3 +273,8 @@ def test_a_large_network_has_its_worst_and_weakest_observations(plain, make) -> 
     assert lines[content(text)["first"]["row"]] == 4
     assert {1, 2, 3} & set(lines) == set()
     assert count in lines
+
+
+def test_a_page_without_data_is_small(record) -> None:
+    empty = structs.replace(adjustment_page(record), tables=[], plan=None, lists=(), cards=(), sections=())
+    assert len(document(empty).encode()) < 95_000  # the design's budget

@@ -231,3 +231,47 @@ def test_shapes_are_cut_at_the_meridian_of_180_degrees(tmp_path, capsys):
         for part in parts:
             longitudes = np.array(part).reshape(-1, 3)[:, 0]
             assert np.ptp(longitudes) < 1.0 and np.abs(longitudes).max() <= 180.0
+
+
+def test_kml_lies_on_the_ground_in_longitude_and_latitude(tmp_path, demo):
+    pyogrio = pytest.importorskip("pyogrio", reason="pyogrio is an extra: pip install obseq[maps]")
+    placed = tmp_path / "m.kml"
+    assert main(["convert", str(demo), "--to", str(placed), str(tmp_path / "m.geojson")]) == 0
+    assert set(pyogrio.list_layers(placed)[:, 0]) == {"points", "ellipses", "observations"}
+    meta, _, shapes, values = pyogrio.raw.read(placed, layer="points")
+    collection = json.loads((tmp_path / "m.geojson").read_text(encoding="utf-8"))
+    point = collection["features"][0]
+    assert np.frombuffer(shapes[0][5:], "<f8")[:2] == pytest.approx(
+        point["geometry"]["coordinates"][:2], abs=1e-8
+    )
+    names = dict(zip(meta["fields"], values, strict=True))["Name"]
+    assert point["properties"]["name"] == names[0]
+
+
+def test_dxf_is_the_plan_in_the_system_of_the_points(tmp_path, demo):
+    ezdxf = pytest.importorskip("ezdxf", reason="ezdxf is an extra: pip install obseq[dxf]")
+    assert main(["convert", str(demo), "--to", str(tmp_path / "plan.dxf")]) == 0
+    record = json.loads(demo.read_text(encoding="utf-8"))
+    drawing = ezdxf.readfile(tmp_path / "plan.dxf")
+    space = drawing.modelspace()
+    points = [list(item.dxf.location) for item in space.query('POINT[layer=="POINTS"]')]
+    given = [[point[f"crs_{axis}"] for axis in "xyz"] for point in record["points"]]
+    assert np.array(points) == pytest.approx(np.array(given), abs=1e-6)
+    assert [item.dxf.text for item in space.query("TEXT")] == [point["name"] for point in record["points"]]
+    assert drawing.units == ezdxf.units.M
+    drawn = [point["name"] for point in record["points"] if point["ellipse"]["semi_major"]]
+    assert len(space.query('POLYLINE[layer=="ELLIPSES"]')) == len(drawn) > 0
+    assert len(space.query('LINE[layer=="OBSERVATIONS"]')) == len(record["observations"])
+
+
+@pytest.mark.parametrize(
+    ("suffix", "package", "extra"),
+    [("gpkg", "pyogrio", "maps"), ("kml", "pyogrio", "maps"), ("dxf", "ezdxf", "dxf")],
+)
+def test_what_needs_a_package_says_how_to_install_it(
+    tmp_path, capfd, demo, monkeypatch, suffix, package, extra
+):
+    monkeypatch.setattr("obseq.packages.missing", lambda *names: [name for name in names if name == package])
+    said = refused(capfd, "convert", demo, "--to", tmp_path / f"m.{suffix}")
+    assert f"needs {package}; install with: pip install 'obseq[{extra}]'" in said
+    assert f"pip install -e '.[{extra}]'" in said

@@ -23,11 +23,11 @@ EXAMPLE = """\
 examples:
   obseq convert network.gkf --to network.obs network.cor
   obseq convert --obs day1.obs --cor points.cor --refraction 1 --to network.gkf
-  obseq convert results/adjustment.json --to adjusted.cor adjusted.csv map.geojson map.gpkg
+  obseq convert results/adjustment.json --to adjusted.cor adjusted.csv map.geojson map.gpkg plan.dxf
 
 written, by suffix: of a network .gkf (GNU Gama), .xml (DynaML), .obs, .cor, .csv (points), .obs.csv
 (observations); of a result .cor, .csv (adjusted points), .obs.csv (observations and how they fit), .geojson,
-.gpkg (maps; needs pyogrio)
+.gpkg, .kml (maps; the last two need pyogrio), .dxf (a drawing; needs ezdxf)
 
 exit code: 0 written; 1 written, of a result in which something is wrong; 2 could not run"""
 

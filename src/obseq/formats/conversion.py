@@ -24,8 +24,9 @@ from obseq.formats.sinex.writer import held_exactly, sinex_text
 from obseq.formats.tables.writer import table_text
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held
+from obseq.survey.drawings import dxf
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes_where
-from obseq.survey.maps import geojson, geopackage
+from obseq.survey.maps import geojson, geopackage, kml
 from obseq.survey.network import Network
 from obseq.writing import write_text
 
@@ -59,6 +60,8 @@ RESULT_WRITERS: dict[str, Callable[[AdjustmentRecord, float], str | bytes]] = {
     ".obs.csv": lambda record, _: observations_csv(record),
     ".geojson": geojson,
     ".gpkg": geopackage,
+    ".kml": kml,
+    ".dxf": dxf,
 }
 """What writes results, by the suffix of the file: of the result, and how much larger ellipses are drawn."""
 

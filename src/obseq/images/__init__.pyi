@@ -1,3 +1,4 @@
+from .adjusted import AdjustedBlock as AdjustedBlock
 from .adjustment.quality import BlunderSearch as BlunderSearch
 from .adjustment.solution import BundleSolution as BundleSolution
 from .block import Block as Block

@@ -6,7 +6,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from obseq.errors import ObseqError, SingularSystemError
-from obseq.images.adjustment.adjustable import AdjustableBlock
 from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end, taken_in_again
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
@@ -21,6 +20,7 @@ from obseq.images.adjustment.verdicts import (
     check_weights,
     in_words,
 )
+from obseq.images.edited import EditedBlock
 from obseq.images.placing import placed, waiting_images
 from obseq.leastsquares import LeastSquares
 
@@ -38,7 +38,7 @@ WITH_ELIMINATION = ("levenberg-marquardt", "controlled", "gauss-newton")
 """Strategies whose steps need not all unknowns in the matrix."""
 
 
-class BundleAdjustment(AdjustableBlock):
+class BundleAdjustment(EditedBlock):
     """A block of images and its adjustment.
 
     Example:
@@ -165,7 +165,7 @@ class BundleAdjustment(AdjustableBlock):
     @property
     def _is_robust(self) -> bool:
         """Whether some measures are weakened by their residuals."""
-        return any(part.weighting is not None and part.weighting.loss is not None for part in self.sets)
+        return any(part.loss is not None for part in self.sets)
 
     def initialise(self, causes: bool = True) -> tuple[str, ...]:
         """Finds poses for the images that have measures and none; returns their names.

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import NUMBER, require
-from obseq.arrays import FloatArray
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.losses import Attenuated
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
+    from obseq.leastsquares.problem.losses import Loss
     from obseq.reading.origin import Origin
 
 
@@ -29,6 +31,11 @@ class Approximations(Mapping[str, FloatArray]):
     def __init__(self) -> None:
         self._given: list[tuple[tuple[str, ...], FloatArray]] = []
         self._rows: dict[str, FloatArray] = {}
+
+    def __copy__(self) -> Approximations:
+        made = Approximations()
+        made._given = list(self._given)
+        return made
 
     def add(self, names: Sequence[str], coordinates: FloatArray) -> None:
         """Adds (n, 3) coordinates of n names."""
@@ -69,12 +76,28 @@ class MeasureSet:
         weighting: robust weights; the sigmas are in the measures.
         name: of the set, for messages and sums of squares.
         origin: where they were read; None where nobody said.
+        robust: robust weights of residuals over sigmas, in place of those of the weighting.
     """
 
     measures: ImagePoints
     weighting: Weighting | None
     name: str
     origin: Origin | None = None
+    robust: Loss | None = None
+
+    @property
+    def loss(self) -> Loss | None:
+        """Of residuals over sigmas; None where no measure is weakened."""
+        return self.robust or (None if self.weighting is None else self.weighting.loss)
+
+    def of_rows(self, kept: BoolArray) -> MeasureSet:
+        """The set with some of its rows (n,)."""
+        if kept.all():
+            return self
+        origin = self.origin
+        if origin is not None and origin.lines:
+            origin = replace(origin, lines=tuple(itertools.compress(origin.lines, kept)))
+        return replace(self, measures=self.measures.rows(kept), origin=origin)
 
 
 @dataclass(frozen=True)

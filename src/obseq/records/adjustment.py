@@ -39,6 +39,7 @@ from obseq.records.quality import (
 )
 from obseq.records.record import Record, from_plain, to_plain
 from obseq.records.shown_units import METRIC, ShownUnits
+from obseq.records.table import AnyTable, table_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -330,6 +331,10 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         is_clean = (self.diagnosis is None or self.diagnosis.is_quiet) and not self.doubtful
         is_whole = not self.left_out and not self.unused and not self.rejections
         return self.converged and is_whole and is_clean and not self.failures
+
+    def table(self, name: str = "points") -> AnyTable:
+        """One of its lists as a table; see `obseq.records.table`."""
+        return table_of(self, name)
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""

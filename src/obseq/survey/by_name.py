@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.losses import L1, Cauchy, Huber, Loss, Tukey
+from obseq.leastsquares.problem.losses import named_loss
 from obseq.printable import listed
 from obseq.survey.kinds.registry import BY_CODE
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 ARROWS = ("->", "\u2192")
 MOST_NAMES = 8
-LOSSES: dict[str, Loss] = {"huber": Huber(), "l1": L1(), "cauchy": Cauchy(), "tukey": Tukey()}
 LEAST = 1e-6
 """Weight below which an observation has no influence that anybody reads."""
 MOST_ROUNDS = 30
@@ -109,11 +108,10 @@ def robust(book: FieldBook, loss: str, adjust: Callable[[FieldBook], Adjustment]
     Raises:
         InputError: There is no such loss.
     """
-    if loss not in LOSSES:
-        raise InputError(f"adjust: there is no loss {loss!r}; there are {', '.join(LOSSES)}")
+    chosen_loss = named_loss(loss)
     weights, every = np.ones(len(book.observations)), np.ones(len(book.observations), np.bool_)
     found = adjust(book)
-    for step in (LOSSES["huber"], LOSSES[loss]):  # what gives no weight at all must begin where most fits
+    for step in (named_loss("huber"), chosen_loss):  # what gives no weight at all must begin where most fits
         for _ in range(MOST_ROUNDS):
             normalised = np.nan_to_num(np.abs(found.residuals) / (found.sigmas * np.sqrt(weights)))
             now = np.maximum(step.weights(normalised), LEAST)

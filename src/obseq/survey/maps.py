@@ -1,4 +1,4 @@
-"""Results on maps: points, error ellipses and observations as GeoJSON and GeoPackage.
+"""Results on maps: points, error ellipses and observations as GeoJSON, GeoPackage and KML.
 
 GeoJSON (RFC 7946) is in longitude, latitude (degrees, WGS 84) and ellipsoidal height, x first; shapes are cut
 at the meridian of 180 degrees. What has no plan (points that are levelled) has no geometry. A
@@ -21,6 +21,7 @@ from obseq import crs
 from obseq.crs.area import cut
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.packages import require
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -131,15 +132,25 @@ def geojson(record: AdjustmentRecord, ellipse_scale: float) -> str:
     Raises:
         InputError: The frame has no place on the Earth.
     """
-    frame = crs.parse(record.frame)
-    if frame.kind is crs.Kind.LOCAL:
-        raise InputError(
-            f"GeoJSON is in longitude and latitude, and the frame {record.frame} has no place on the Earth: "
-            "adjust the network with the system of its points (--points-crs), or write a GeoPackage"
-        )
+    frame = _on_the_earth(record, "GeoJSON")
     layers = layers_of(record, ellipse_scale)
     features = [feature for layer in layers for feature in _features(layer, frame)]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False, indent=1) + "\n"
+
+
+def _on_the_earth(record: AdjustmentRecord, what: str) -> crs.CoordinateSystem:
+    """The frame.
+
+    Raises:
+        InputError: It has no place on the Earth.
+    """
+    frame = crs.parse(record.frame)
+    if frame.kind is crs.Kind.LOCAL:
+        raise InputError(
+            f"{what} is in longitude and latitude, and the frame {record.frame} has no place on the Earth: "
+            "adjust the network with the system of its points (--points-crs), or write a GeoPackage"
+        )
+    return frame
 
 
 def _features(layer: Layer, frame: crs.CoordinateSystem) -> Iterator[Properties]:
@@ -181,20 +192,42 @@ def geopackage(record: AdjustmentRecord, ellipse_scale: float) -> bytes:
     Raises:
         InputError: pyogrio is not installed.
     """
-    try:
-        from pyogrio.raw import write
-    except ImportError as error:
-        raise InputError("a GeoPackage needs pyogrio; install it (pip install obseq[maps])") from error
     frame = crs.parse(record.frame)
-    target, definition = _system_of(record, frame)
+    return _layered(record, ellipse_scale, "GPKG", frame, *_system_of(record, frame))
+
+
+def kml(record: AdjustmentRecord, ellipse_scale: float) -> bytes:
+    """The content of a KML file, in longitude and latitude, on the ground: without heights.
+
+    Raises:
+        InputError: The frame has no place on the Earth, or pyogrio is not installed.
+    """
+    frame = _on_the_earth(record, "KML")
+    return _layered(record, ellipse_scale, "LIBKML", frame, crs.parse("Geog"), "OGC:CRS84")
+
+
+def _layered(
+    record: AdjustmentRecord,
+    ellipse_scale: float,
+    driver: str,
+    frame: crs.CoordinateSystem,
+    target: crs.CoordinateSystem,
+    definition: str | None,
+) -> bytes:
+    """The content of a file with a layer for each kind of features, which a driver of GDAL writes."""
+    require("a map as a GeoPackage or KML", "maps", "pyogrio")
+    from pyogrio.raw import write
+
+    has_heights = driver == "GPKG"
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that a plane has no system is meant
-        path = Path(folder) / "map.gpkg"
+        path = Path(folder) / ("map.gpkg" if has_heights else "map.kml")
         for layer in layers_of(record, ellipse_scale):
             if layer.shapes:
                 columns = _columns(layer.properties)
-                options = {"geometry_type": f"{layer.geometry} Z", "crs": definition, "driver": "GPKG"}
-                corners = _well_known(layer, frame, target)
+                kind = f"{layer.geometry} Z" if has_heights else layer.geometry
+                options = {"geometry_type": kind, "crs": definition, "driver": driver}
+                corners = _well_known(layer, frame, target, has_heights)
                 write(path, corners, list(columns.values()), list(columns), layer=layer.name, **options)
         return path.read_bytes()
 
@@ -214,20 +247,26 @@ def _system_of(
 
 
 def _well_known(
-    layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem
+    layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem, has_heights: bool
 ) -> npt.NDArray[np.object_]:
     """(n,) shapes as well-known binary, x first."""
-    corners = _moved(np.concatenate(layer.shapes), crs.Transformer(frame, target).forward)
+    corners = corners_in(layer, frame, target)[:, : 3 if has_heights else 2]
     parts = np.split(corners, np.cumsum([len(shape) for shape in layer.shapes])[:-1])
-    codes = {"Point": (1001, ()), "LineString": (1002, ("n",)), "Polygon": (1003, ("1", "n"))}
+    more = 1000 if has_heights else 0
+    codes = {"Point": (1, ()), "LineString": (2, ("n",)), "Polygon": (3, ("1", "n"))}
     code, counts = codes[layer.geometry]
     found = np.empty(len(parts), object)
     for k, part in enumerate(parts):
         if not len(part):
             continue  # no geometry
-        heads = [code, *(len(part) if count == "n" else 1 for count in counts)]
+        heads = [code + more, *(len(part) if count == "n" else 1 for count in counts)]
         found[k] = b"\x01" + np.array(heads, "<u4").tobytes() + part.astype("<f8").tobytes()
     return found
+
+
+def corners_in(layer: Layer, frame: crs.CoordinateSystem, target: crs.CoordinateSystem) -> FloatArray:
+    """(k, 3) corners of all its shapes in a system; heights that nobody knows are NaN."""
+    return _moved(np.concatenate(layer.shapes), crs.Transformer(frame, target).forward)
 
 
 def _columns(properties: Sequence[Properties]) -> dict[str, npt.NDArray[np.generic]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -318,7 +318,7 @@ class Network(Edited):
         progress=FUNCTION | NOTHING,
         quality=instance(Quality),
         start=instance(InitialValues) | NOTHING,
-        datum=instance(Datum) | NOTHING,
+        datum=instance(Datum) | TEXT | NOTHING,
         strategy=TEXT,
         loss=TEXT | NOTHING,
     )
@@ -331,7 +331,7 @@ class Network(Edited):
         strict: bool = False,
         quality: Quality = QUALITY,
         start: InitialValues | None = None,
-        datum: Datum | None = None,
+        datum: Datum | str | None = None,
         strategy: str = "controlled",
         loss: str | None = None,
     ) -> Adjustment:
@@ -349,7 +349,8 @@ class Network(Edited):
             quality: What is wanted beside residuals and precisions.
             start: Where the iterations start; by default initial values from the known points and the
                 observations.
-            datum: What the network rests on; None for what the files say, or the known coordinates.
+            datum: What the network rests on, or "given", "fixed", "inner"; None for what the files say, or
+                the known coordinates.
             strategy: How the iterations move; see `obseq.LeastSquares.solve`.
             loss: "huber", "l1", "cauchy" or "tukey" for robust weights.
 
@@ -357,7 +358,8 @@ class Network(Edited):
             InputError: Something in the input makes the adjustment impossible.
             SingularSystemError: The observations do not determine some unknowns, which the message names.
         """
-        datum_chosen = self.datum if datum is None else datum
+        wanted = Datum(cast("DatumKind", datum)) if isinstance(datum, str) else datum
+        datum_chosen = wanted or self.datum
         watch = Stopwatch(progress)
         computation = Computation(
             self.frame,

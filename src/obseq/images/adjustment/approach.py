@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.camera import Camera
     from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
+    from obseq.leastsquares.problem.losses import Loss
 
 Solving: TypeAlias = dict[str, Any]
 """What `LeastSquares.solve` is given."""
@@ -49,23 +50,24 @@ LOOSE = 0.1
 def approach(equations: Equations, strategy: str, solving: Solving) -> tuple[Iteration, ...]:
     """The iterations before the last solution; the losses are as they were afterwards."""
     batches = _weakened(equations)
-    losses = [batch.loss for batch in batches if isinstance(batch.loss, Attenuated)]
+    losses = [batch.loss for batch in batches]
+    own = [loss for loss in losses if isinstance(loss, Attenuated)]
     done: tuple[Iteration, ...] = ()
     try:
         if equations.start.misfit > ROUGH:
             _set_losses(batches, [None] * len(batches))
             done += _come_near(equations, strategy, solving)
-        else:
+        elif len(own) == len(losses):  # with other losses points of blunders are where they belong
             _place_lost(equations)
-        if any(loss.threshold for loss in losses):
-            _set_losses(batches, [_soft(loss) for loss in losses])
+        if any(loss.threshold for loss in own):
+            _set_losses(batches, [_soft(loss) if isinstance(loss, Attenuated) else loss for loss in losses])
             done += equations.system.solve(strategy=strategy, **{**solving, "tolerance": LOOSE}).iterations
     finally:
         _set_losses(batches, losses)
     return done
 
 
-def _set_losses(batches: Sequence[Batch], losses: Sequence[Attenuated | None]) -> None:
+def _set_losses(batches: Sequence[Batch], losses: Sequence[Loss | None]) -> None:
     for batch, loss in zip(batches, losses, strict=True):
         batch.loss = loss
 
@@ -245,7 +247,7 @@ def _present_cameras(equations: Equations) -> list[Camera]:
 
 
 def _weakened(equations: Equations) -> list[Batch]:
-    return [item.batch for item in equations.measures if isinstance(item.batch.loss, Attenuated)]
+    return [item.batch for item in equations.measures if item.batch.loss is not None]
 
 
 def _soft(loss: Attenuated) -> Attenuated:

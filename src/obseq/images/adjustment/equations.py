@@ -211,7 +211,7 @@ class Equations:
         return camera.formula, camera.equation
 
     def _add_batch(self, formula: str | Kernel, part: NumberedSet, rows: IntArray) -> Batch:
-        measures, weighting = part.given.measures, part.given.weighting
+        measures = part.given.measures
         chosen = slice(None) if rows is part.rows and part.is_in_order else rows
         image = part.image[chosen]
         blocks = {
@@ -235,7 +235,7 @@ class Equations:
             lambda row: measures.label(int(rows[row])),
             part.given.name,
             covariances=measures.matrices[chosen] if is_correlated else None,
-            loss=None if weighting is None else weighting.loss,
+            loss=part.given.loss,
         )
 
     def _add_control(self) -> tuple[Batch | None, IntArray]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from obseq.images.causes.comparison import principal_shift
 from obseq.images.causes.shared import SharedCause, Told, Trial
-from obseq.images.causes.starts import copied
 from obseq.images.initial.conventions import CONVENTIONS, SIZES
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ def _measured(
 
 
 def _as_given(subject: Subject) -> AdjustableBlock:
-    made = copied(subject.block)
+    made = subject.block.copied()
     made.poses = subject.given
     return made
 

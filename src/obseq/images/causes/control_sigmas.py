@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.images.causes.shared import SharedCause, Told, Trial
-from obseq.images.causes.starts import copied
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,7 +43,7 @@ def _trials(subject: Subject) -> Iterator[Trial]:
 
 
 def _scaled(subject: Subject, factor: float, said: str) -> Trial:
-    made = copied(subject.block)
+    made = subject.block.copied()
     made.poses = subject.given
     made.control = made.control.scaled(factor)
     return Trial(

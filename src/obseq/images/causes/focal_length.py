@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.images.causes.shared import SharedCause, Told, Trial
-from obseq.images.causes.starts import copied
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +23,7 @@ FACTORS = (2.0, 0.5, 1.4, 0.7)
 
 def _trials(subject: Subject) -> Iterator[Trial]:
     for factor in FACTORS:
-        made = copied(subject.block)
+        made = subject.block.copied()
         made.poses = subject.given
         made.cameras = {name: replace(c, focal=factor * c.focal) for name, c in made.cameras.items()}
         made.free_parameters("F")

@@ -17,7 +17,6 @@ from obseq.errors import InputError
 from obseq.geometry import exponential
 from obseq.images.causes.comparison import angles_of, common, turns
 from obseq.images.causes.shared import SharedCause, Told, Trial
-from obseq.images.causes.starts import copied
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 from obseq.images.initial.growth import similarity
 from obseq.images.initial.units import UNITS
@@ -68,7 +67,7 @@ def _trials(subject: Subject) -> Iterator[Trial]:
     observed = [part.poses for part in subject.block.pose_observations]
     if not (len(subject.given) or observed) or len(subject.block.camera_of) > MOST:
         return
-    made = copied(subject.block)
+    made = subject.block.copied()
     made.poses, made.pose_observations = made.poses.select([]), []
     yield Trial(
         "poses from the measures alone",
@@ -96,7 +95,7 @@ def _exchanged(subject: Subject) -> Iterator[Trial]:
     pairs = dict.fromkeys([*([found] if len(found) == PAIR else []), *itertools.combinations(worst, PAIR)])
     for first, second in pairs:
         other = {first: second, second: first}
-        made, sets = copied(subject.block), []
+        made, sets = subject.block.copied(), []
         made.poses = subject.given
         for part in made.sets:
             names = tuple(other.get(name, name) for name in part.measures.image_names)

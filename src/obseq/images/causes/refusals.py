@@ -20,7 +20,7 @@ from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.record import record_of_fits, record_of_verdict
 from obseq.images.causes.shared import Subject
-from obseq.images.causes.starts import copied, placed_by_images
+from obseq.images.causes.starts import placed_by_images
 from obseq.images.causes.trials import Tries, is_accepted
 from obseq.images.control import ControlPoints
 from obseq.images.initial.conventions import MOST_PLACED
@@ -74,7 +74,7 @@ def _of_no_solution(
     tries = Tries(subject, told, options)
     if fits := tries.best():
         return record_of_fits(fits)
-    held = copied(subject.block)
+    held = subject.block.copied()
     held.poses = subject.given
     held.freeze_parameters()
     found = tries.solved(held)
@@ -129,7 +129,7 @@ def _single_errors(rest: AdjustableBlock) -> DiagnosisRecord | None:
 
 def _without(block: AdjustableBlock, growth: Growth, lost: list[str]) -> AdjustableBlock:
     """The block with the poses that were found, without the measures in lost images."""
-    made = copied(block)
+    made = block.copied()
     made.sets = [
         replace(
             part,

@@ -5,7 +5,6 @@ From measures and control points; or from measures alone, in the frame that most
 
 from __future__ import annotations
 
-import copy
 import functools
 import itertools
 from typing import TYPE_CHECKING
@@ -25,20 +24,13 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.start import Start
 
 
-def copied(block: AdjustableBlock) -> AdjustableBlock:
-    """The block, to be changed."""
-    made = copy.copy(block)
-    made.rules, made.camera_of, made.sets = list(made.rules), dict(made.camera_of), list(made.sets)
-    return made
-
-
 def without_poses(block: AdjustableBlock) -> AdjustableBlock:
     """The block with poses from its measures and control points alone.
 
     Raises:
         InputError: images cannot be placed.
     """
-    made = copied(block)
+    made = block.copied()
     made.poses = made.poses.select([])
     made.initialise(causes=False)
     return made
@@ -86,7 +78,7 @@ def placed_by_images(block: AdjustableBlock) -> AdjustableBlock:
     if agree.sum() < LEAST:
         raise InputError("too few control points agree with what the images make of them")
     growth.transform(*similarity(points.coordinates[agree], given[agree]))
-    made = copied(block)
+    made = block.copied()
     made.poses = growth.as_poses()
     return made
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.images.causes.shared import SharedCause, Trial
-from obseq.images.causes.starts import copied
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,7 +16,7 @@ def _trials(subject: Subject) -> Iterator[Trial]:
     """The block with cameras that keep their parameters, where it has no solution with free ones."""
     if subject.solution is not None:
         return
-    made = copied(subject.block)
+    made = subject.block.copied()
     made.poses = subject.given
     made.freeze_parameters()
     yield Trial.saying(

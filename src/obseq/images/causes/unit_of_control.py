@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.images.causes.shared import SharedCause, Trial
-from obseq.images.causes.starts import copied
 from obseq.images.initial.units import unit_of_control
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ def _trials(subject: Subject) -> Iterator[Trial]:
     control = subject.block.control
     text = f"the control points are {factor:.6g} times as large as the rest of the block says ({said})"
     for sigmas in (1.0, factor):  # they may be in the unit of the coordinates, or in that of the block
-        made = copied(subject.block)
+        made = subject.block.copied()
         made.poses = subject.given
         covariances = control.covariances / sigmas**2
         made.control = replace(control, coordinates=control.coordinates / factor, covariances=covariances)

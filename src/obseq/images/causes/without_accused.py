@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -11,16 +10,13 @@ import numpy as np
 from obseq.diagnosis.verdict import Status
 from obseq.errors import InputError
 from obseq.images.causes.numbering import Numbering
-from obseq.images.causes.starts import copied
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from obseq.arrays import BoolArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.control import ControlPoints
-    from obseq.images.parts import MeasureSet
     from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, KnownRecord
 
 
@@ -42,11 +38,11 @@ def without_accused(solution: BundleSolution, diagnosis: DiagnosisRecord | None)
     images = {name for one in accused for name in one.images}
     names = solution.equations.start.poses.images
     out |= np.isin(numbering.image, [k for k, name in enumerate(names) if name in images])
-    made = copied(cast("AdjustableBlock", solution.block))
+    made = cast("AdjustableBlock", solution.block).copied()
     for part, given in enumerate(made.sets):
         kept = np.ones(len(given.measures), np.bool_)
         kept[numbering.row[out & (numbering.part == part)]] = False
-        made.sets[part] = _of_rows(given, kept)
+        made.sets[part] = given.of_rows(kept)
     made.control = _freed(made.control, (known for one in accused for known in one.points))
     return made
 
@@ -64,16 +60,6 @@ def _explaining(diagnosis: DiagnosisRecord | None) -> tuple[AccusedRecord, ...]:
         if not (one.observations or one.points or (one.images and one.test)):
             raise InputError(f"{one.what}: this is not left out but corrected (obseq causes {one.code})")
     return diagnosis.accused
-
-
-def _of_rows(given: MeasureSet, kept: BoolArray) -> MeasureSet:
-    """A set of measures, some of its rows (n,) kept."""
-    if kept.all():
-        return given
-    origin = given.origin
-    if origin is not None and origin.lines:
-        origin = replace(origin, lines=tuple(itertools.compress(origin.lines, kept)))
-    return replace(given, measures=given.measures.rows(kept), origin=origin)
 
 
 def _freed(control: ControlPoints, known: Iterable[KnownRecord]) -> ControlPoints:

@@ -7,6 +7,7 @@ null in the file.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
@@ -18,6 +19,7 @@ from obseq.records.adjustment import IterationRecord, RunRecord
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.quality import GlobalTestRecord
 from obseq.records.record import Record, from_plain
+from obseq.records.table import AnyTable, Table, table_of
 from obseq.report.result_file import read_plain, text_of
 
 if TYPE_CHECKING:
@@ -112,6 +114,30 @@ class ImagePointRecord(Record, frozen=True):
     dx: float
     dy: float
     weight: float
+
+
+class MeasureRecord(Record, frozen=True):
+    """An image point as it was adjusted: pixels, and the tests of both coordinates.
+
+    Attributes:
+        dx: computed minus measured; `dy` the same.
+        w_x: residual over its own standard deviation; None without redundancy.
+        redundancy_x: share of an error that shows in the residual.
+    """
+
+    image: str
+    point: str
+    x: float
+    y: float
+    dx: float
+    dy: float
+    sx: float
+    sy: float
+    weight: float
+    w_x: float | None
+    w_y: float | None
+    redundancy_x: float | None
+    redundancy_y: float | None
 
 
 class ResidualColumns(Record, frozen=True):
@@ -226,6 +252,24 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         images = Owners("image", [item.name for item in self.images], self.residuals.image)
         points = Owners("point", [item.name for item in self.points], self.residuals.point)
         return rejected_shares(self.reliability, self.residuals.weight, images, points)
+
+    def table(self, name: str = "points") -> AnyTable:
+        """One of its lists as a table (see `obseq.records.table`); "measures" are all image points."""
+        return Table(MeasureRecord, self.measures()) if name == "measures" else table_of(self, name)
+
+    def measures(self) -> tuple[MeasureRecord, ...]:
+        """All image points that were adjusted, with their names and tests."""
+        found, tests = self.residuals, self.reliability and self.reliability.all
+        names = [item.name for item in self.images], [item.name for item in self.points]
+        nothing = (None,) * len(found.x)
+        columns = zip(
+            (names[0][k] for k in found.image),
+            (names[1][k] for k in found.point),
+            *(found.x, found.y, found.dx, found.dy, found.sx, found.sy, found.weight),
+            *((tests.w_x, tests.w_y, tests.redundancy_x, tests.redundancy_y) if tests else (nothing,) * 4),
+            strict=True,
+        )
+        return tuple(itertools.starmap(MeasureRecord, columns))
 
     def to_json(self) -> str:
         """The text of the result file."""

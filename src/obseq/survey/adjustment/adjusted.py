@@ -10,8 +10,6 @@ from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
-from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
 from obseq.records.adjustment import (
     AdjustmentRecord,
@@ -23,12 +21,11 @@ from obseq.records.adjustment import (
     defined,
 )
 from obseq.records.shown_units import METRIC, ShownUnits
-from obseq.survey.adjustment.adjusted_quality import covariance_of, ellipse_records
+from obseq.survey.adjustment.adjusted_quality import ellipse_records
 from obseq.survey.adjustment.adjusted_records import (
     Fit,
     by_setup,
     by_type,
-    columns_of,
     constraint_records,
     ellipsoids,
     global_test_record,
@@ -38,13 +35,13 @@ from obseq.survey.adjustment.adjusted_records import (
     roots_of_diagonals,
     unused_azimuths,
 )
+from obseq.survey.adjustment.asked import Asked
 from obseq.survey.adjustment.joint_groups import joint_records
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
@@ -61,13 +58,12 @@ if TYPE_CHECKING:
     from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.adjusted_records import AdjustedPoints, AdjustedStations
-    from obseq.survey.adjustment.plotting import Axes
     from obseq.survey.equations.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook
 
 
 @dataclass(frozen=True, eq=False)
-class Adjustment:
+class Adjustment(Asked):
     """An adjusted network; residuals, coordinates and sigma0 all belong to the same, final, solution.
 
     Attributes:
@@ -274,71 +270,6 @@ class Adjustment:
     def to_dict(self) -> dict[str, Any]:
         """The plain form of the record: the content of the result file (docs/result-file.md)."""
         return self.record().to_dict()
-
-    def table(self, name: str = "points", package: str | None = None) -> Any:
-        """One list of the record as columns: "points", "observations", "stations", "constraints", ...
-
-        Args:
-            name: A field of the record (docs/result-file.md) that is a list.
-            package: "pandas" for a DataFrame, "pyarrow" for a Table; None for a dictionary of lists.
-
-        Raises:
-            InputError: The record has no such list, or the package is not installed.
-        """
-        found = self.to_dict().get(name)
-        if not isinstance(found, list) or not all(isinstance(row, dict) for row in found):
-            raise InputError(f"the record has no table {name!r}; it has points, observations, stations...")
-        columns = columns_of(found)
-        return columns if package is None else as_table(columns, package)
-
-    def covariance(self, *names: str) -> FloatArray:
-        """(3 k, 3 k) covariance of points together, in the computation frame, m^2; of all when none is named.
-
-        Raises:
-            InputError: A point is not in the network.
-        """
-        return covariance_of(self.solution, self.points.names, names, self.quality.a_priori)
-
-    def ellipse(self, name: str, level: float | None = 0.95) -> EllipseRecord:
-        """The error ellipse of a point in x and y.
-
-        Args:
-            name: Of the point.
-            level: Probability that the true point is inside; None for the standard ellipse.
-
-        Raises:
-            InputError: The point is not in the network, or the level is no probability.
-        """
-        redundancy = None if self.quality.a_priori else self.solution.redundancy
-        block = self.covariance(name)[None]
-        return next(iter(ellipse_records(ellipses_of((name,), block, level, redundancy))))
-
-    def plot(self, level: float | None = 0.95, residuals: bool = False, axes: Axes = None) -> Axes:
-        """Draws the plan with matplotlib: points, sights, error ellipses; gives the axes.
-
-        Args:
-            level: Of the ellipses.
-            residuals: Colours the sights by their residuals over their sigmas.
-            axes: Where to draw; by default a figure of its own.
-
-        Raises:
-            MissingPackageError: matplotlib is not installed.
-        """
-        from obseq.survey.adjustment.plotting import plan
-
-        redundancy = None if self.quality.a_priori else self.solution.redundancy
-        normalised = self.normalised_residuals if residuals else None
-        return plan(self.points, self.book, normalised, (level, redundancy), axes)
-
-    def save(self, path: str | Path) -> None:
-        """Writes the result: `.json` (read again by `obseq.load`), `.html` or `.txt`, by the suffix.
-
-        Raises:
-            InputError: The suffix is another, or the file cannot be written.
-        """
-        from obseq.report.saving import save
-
-        save(self.record(), path)
 
     def __repr__(self) -> str:
         from obseq.report.notebook import adjustment_text

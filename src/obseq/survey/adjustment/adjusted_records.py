@@ -26,7 +26,7 @@ from obseq.survey.kinds.registry import BY_CODE, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -216,12 +216,6 @@ def place_records(points: Points) -> list[PointRecord]:
         PointRecord(points.names[row], *points.coordinates[row].tolist(), **unknown)
         for row in np.flatnonzero(points.has_coordinates).tolist()
     ]
-
-
-def columns_of(records: Sequence[Mapping[str, object]]) -> dict[str, list[Any]]:
-    """Plain records as columns: all keys that any has, None where one lacks it."""
-    names = list(dict.fromkeys(name for record in records for name in record))
-    return {name: [record.get(name) for record in records] for name in names}
 
 
 def global_test_record(solution: LeastSquaresResult) -> GlobalTestRecord | None:

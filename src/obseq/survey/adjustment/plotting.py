@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obseq.errors import MissingPackageError
+from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.ellipses import ellipses_of
+from obseq.packages import require
 from obseq.survey.adjustment.adjusted_records import place_records
 
 if TYPE_CHECKING:
     Axes = Any  # of matplotlib, an extra
-    from obseq.arrays import FloatArray
-    from obseq.survey.adjustment.adjusted_records import AdjustedPoints
+
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.equations.frame import Frame
     from obseq.survey.model import FieldBook, Points
 
@@ -24,41 +25,59 @@ HIGHEST = 3.0
 """Residuals over sigmas at the end of the colours."""
 
 
-def plan(
-    points: AdjustedPoints,
-    book: FieldBook,
-    normalised: FloatArray | None,
-    shape: tuple[float | None, int | None],
-    axes: Axes,
-) -> Axes:
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Points of a plan.
+
+    Attributes:
+        names: (n,).
+        coordinates: (n, 3) metres; x and y are drawn.
+        covariances: (n, 3, 3) m^2.
+        is_known: (n,) whether it is drawn as a triangle.
+    """
+
+    names: tuple[str, ...]
+    coordinates: FloatArray
+    covariances: FloatArray
+    is_known: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Sights:
+    """Lines of a plan.
+
+    Attributes:
+        ends: (k, 2, 3) metres.
+        sizes: (k,) residuals over sigmas, by which they are coloured; None: all alike.
+    """
+
+    ends: FloatArray
+    sizes: FloatArray | None
+
+
+def plan(points: Places, sights: Sights, shape: tuple[float | None, int | None], axes: Axes) -> Axes:
     """Draws points, sights and ellipses; gives the axes of matplotlib.
 
     Args:
         points: The adjusted points.
-        book: Their observations.
-        normalised: (n,) residuals over sigmas, by which the sights are coloured; None: all alike.
+        sights: Between points, or from them to instruments and cameras.
         shape: Level of the ellipses, and the redundancy of sigma0; None: standard ones, a priori ones.
         axes: Where to draw; None: a figure of its own.
     """
-    try:
-        from matplotlib import pyplot
-        from matplotlib.collections import EllipseCollection, LineCollection
-    except ImportError:
-        raise MissingPackageError("plot needs matplotlib: pip install 'obseq[plot]'") from None
+    require("plot", "plot", "matplotlib")
+    from matplotlib import pyplot
+    from matplotlib.collections import EllipseCollection, LineCollection
+
     axes = axes or pyplot.subplots(figsize=(8, 8))[1]
-    places, rows = points.coordinates[:, :2], book.observations
-    point_rows = {name: k for k, name in enumerate(points.names)}
-    numbers = np.array([point_rows.get(name, -1) for name in book.point_names])
-    ends = numbers[np.column_stack([rows.from_points, rows.to_points])]
-    used = rows.active & (ends >= 0).all(axis=1)
-    sights = LineCollection(places[ends[used]], linewidths=0.7, zorder=1)
-    if normalised is not None:
-        sights.set_array(np.abs(normalised[used]))
-        sights.set_clim(0.0, HIGHEST)
-        axes.figure.colorbar(sights, ax=axes, label="residual / sigma")
+    places = points.coordinates[:, :2]
+    lines = LineCollection(list(sights.ends[:, :, :2]), linewidths=0.7, zorder=1)
+    if sights.sizes is not None:
+        lines.set_array(sights.sizes)
+        lines.set_clim(0.0, HIGHEST)
+        axes.figure.colorbar(lines, ax=axes, label="residual / sigma")
     else:
-        sights.set_color("#98a2ad")
-    axes.add_collection(sights)
+        lines.set_color("#98a2ad")
+    axes.add_collection(lines)
     level, redundancy = shape
     shapes = ellipses_of(points.names, points.covariances, level, redundancy)
     usual = (
@@ -81,9 +100,8 @@ def plan(
             zorder=2,
         )
     )
-    known = ~points.points.is_free.any(axis=1)
-    axes.plot(*places[~known].T, "o", color="#1b1f24", markersize=4, zorder=3)
-    axes.plot(*places[known].T, "^", color="#1b1f24", markersize=8, zorder=3)
+    axes.plot(*places[~points.is_known].T, "o", color="#1b1f24", markersize=4, zorder=3)
+    axes.plot(*places[points.is_known].T, "^", color="#1b1f24", markersize=8, zorder=3)
     for name, place in zip(points.names, places, strict=True):
         axes.annotate(name, place, xytext=(6, 4), textcoords="offset points", fontsize=8)
     words = "standard" if level is None else f"{100 * level:g} %"
