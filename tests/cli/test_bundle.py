@@ -64,6 +64,12 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
     assert {path.name for path in (folder / "out").iterdir()} == names
 
 
+def test_a_quiet_block_is_a_sentence(tables, capsys):
+    assert main(["bundle", *tables[1], "-q"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("The block is sound")
+
+
 def test_a_blunder_makes_sigma0_too_large_and_is_said(tables, capsys):
     folder, options, _ = tables
     assert main(["bundle", *options, f"--json={folder / 'good.json'}"]) == 0

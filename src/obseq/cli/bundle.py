@@ -22,10 +22,11 @@ from obseq.cli.parsing import (
     say,
 )
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE
+from obseq.cli.results import INCOMPLETE, add_quiet, print_verdict
 from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
+from obseq.records.shown_units import METRIC
 from obseq.writing import SECOND, check_writable, write_all
 
 if TYPE_CHECKING:
@@ -99,6 +100,7 @@ def register(commands: Commands) -> None:
     results = command.add_argument_group("results")
     names = ", ".join(name for name, _ in FILES.values())
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
+    add_quiet(results)
     for option, (_, purpose) in FILES.items():
         results.add_argument(f"--{option}", type=output_file, metavar="FILE", help=purpose)
     for writer in WRITERS:
@@ -172,7 +174,13 @@ def run(arguments: argparse.Namespace) -> int:
             with explained(block, progress, **options):
                 solution = _solve(block, options, progress)
         record, shown = _reported(solution, given, arguments, outputs, options, progress, read)
-    say(shown, outputs.values())
+    if arguments.quiet:
+        from obseq.images.output.page import shown as page_of
+        from obseq.report.units import Units
+
+        print_verdict(page_of(record), Units(METRIC), outputs.values())
+    else:
+        say(shown, outputs.values())
     if arguments.without_accused:
         return _without_accused(solution, record, arguments, outputs, options)
     return 0 if record.is_complete else INCOMPLETE
