@@ -138,3 +138,21 @@ def test_open_refuses_what_has_no_page(demo: Path, capsys: pytest.CaptureFixture
     said = capsys.readouterr().err
     assert "there is no such result" in said
     assert "several pages; name one" in said
+
+
+def test_a_quiet_plan_and_a_quiet_comparison_are_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A levelling between known points, planned, and compared with another one."""
+    points = "5 A 0 0 0 0.001\n5 B 0 0 1 0.001\n4 C 0 0 2\n"
+    (tmp_path / "p.cor").write_text(points, encoding="utf-8")
+    for name, height in (("one", 2.0), ("two", 2.5)):
+        lines = f"4 A C {height} 0.001\n4 B C {height - 1.0} 0.001\n4 A C {height} 0.001\n"
+        (tmp_path / f"{name}.obs").write_text(lines, encoding="utf-8")
+    files = [str(tmp_path / "one.obs"), str(tmp_path / "p.cor"), "--frame", "Local"]
+    assert main(["plan", *files, "-q"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("Every point will be known to ")
+    assert main(["compare", *files, "--obs-2", str(tmp_path / "two.obs"), "-q"]) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(("No verdict on movements", "C has moved by"))

@@ -40,3 +40,15 @@ def test_short_work_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_not_a_terminal_gets_nothing(impatient: None, monkeypatch: pytest.MonkeyPatch) -> None:
     assert shown_on(io.StringIO(), monkeypatch, 0.05) == ""
+
+
+def test_what_is_counted_says_how_long_the_rest_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 10.0, 14.0, 20.0, 20.0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    line = Progress("reading")
+    line("draw 1 of 5")
+    assert line._message == "draw 1 of 5"
+    line("draw 3 of 5")  # two are done in 4 s: three are left
+    assert line._message == "draw 3 of 5, about 6 s left"
+    line("iteration 3: sigma0 1.2")
+    assert line._message == "iteration 3: sigma0 1.2"

@@ -48,9 +48,9 @@ examples:
   obseq adjust project.comp --show points --units ft dms"""
 
 EXITS = """\
-exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
-the JSON); 1 the iterations did not converge, points were left out, or observations that no file switches
-off, gross errors are suspected, or snooping or --without-accused left some out; 2 could not run"""
+exit code: 0 adjusted, and nothing is wrong; 1 the iterations did not converge, points were left out, or
+observations that no file switches off, gross errors are suspected, sigma0 is far too large and nothing
+explains it (at 0.5 %), or snooping or --without-accused left some out; 2 could not run"""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from obseq.cli.network_files import COMMON, Source, add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_units, shown_in
+from obseq.cli.results import INCOMPLETE, add_quiet, add_units, print_verdict, shown_in
 from obseq.errors import InputError
 from obseq.printable import composed, listed
 from obseq.writing import check_writable, write_all
@@ -64,6 +64,7 @@ def register(commands: Commands) -> None:
     )
     wanted.add_argument("--a-priori", action="store_true", help="trust the given sigmas")
     add_units(command)
+    add_quiet(command)
     command.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {', '.join(NAMES)}")
 
 
@@ -74,12 +75,17 @@ def run(arguments: argparse.Namespace) -> int:
     places = [arguments.out / name for name in NAMES] if arguments.out else []
     check_writable(places, [*first.files, *second.files])
     with Progress("starting") as progress:
+        from obseq.report.compared import shown
         from obseq.report.comparison import comparison_summary
+        from obseq.report.units import Units
 
         record, incomplete = _compared(arguments, first, second, progress)
         write_all(dict(zip(places, texts_of(record).values(), strict=bool(places))))
-    print(comparison_summary(record, [str(path) for path in places]), end="")
     reasons = list(reasons_of(record, incomplete))
+    if arguments.quiet:
+        print_verdict(shown(record), Units(record.units), places)
+        return INCOMPLETE if reasons else 0
+    print(comparison_summary(record, [str(path) for path in places]), end="")
     if reasons:
         print(f"exit code {INCOMPLETE}: {'; '.join(reasons)}")
     return INCOMPLETE if reasons else 0

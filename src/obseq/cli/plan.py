@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from obseq.cli.network_files import COMMON, add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_units, shown_in
+from obseq.cli.results import INCOMPLETE, add_quiet, add_units, print_verdict, shown_in
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.writing import check_writable, write_all
@@ -73,6 +73,7 @@ def register(commands: Commands) -> None:
         "--relative", action="store_true", help="precision of each pair of points that is joined"
     )
     add_units(command)
+    add_quiet(command)
     command.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for plan.json, plan.txt and plan.html"
     )
@@ -105,9 +106,14 @@ def run(arguments: argparse.Namespace) -> int:
         record = _planned(arguments, shown_in(source.read(places), arguments.units), progress)
         written = dict(zip(places, texts_of(record).values(), strict=True)) if out else {}
         write_all(written)
+    from obseq.report.planned import shown
     from obseq.report.planning import plan_summary
+    from obseq.report.units import units_of
 
-    print(plan_summary(record, [str(path) for path in written]), end="")
+    if arguments.quiet:
+        print_verdict(shown(record), units_of(record.adjustment), written)
+    else:
+        print(plan_summary(record, [str(path) for path in written]), end="")
     return exit_code(record)
 
 

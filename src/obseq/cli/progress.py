@@ -1,5 +1,6 @@
 """A line on the terminal that says what is being done, once it has lasted long enough to wonder."""
 
+import re
 import shutil
 import sys
 import threading
@@ -13,6 +14,8 @@ PATIENCE = 2.0
 """Seconds of silence before the line appears."""
 
 PERIOD = 0.5
+COUNT = re.compile(r"(?P<what>.*?)(?P<number>\d+) of (?P<total>\d+)")
+"""A message that says how far the work is."""
 ERASE = "\r\x1b[K"
 
 
@@ -25,13 +28,19 @@ class Progress:
     """
 
     def __init__(self, message: str) -> None:
-        self._message = message
+        self._message, self._counted = message, ("", 0.0)
         self._start = time.monotonic()
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
 
     def __call__(self, message: str) -> None:
-        """Say what is being done now."""
+        """Say what is being done now; of what ends in "3 of 20", how long the rest will take as well."""
+        count = COUNT.fullmatch(message)
+        if count is None or count["what"] != self._counted[0]:
+            self._counted = (count["what"] if count else "", time.monotonic())
+        elif (done := int(count["number"]) - 1) > 0:
+            spent = time.monotonic() - self._counted[1]
+            message += f", about {spent / done * (int(count['total']) - done):.0f} s left"
         self._message = message
 
     def tell(self, text: str) -> None:

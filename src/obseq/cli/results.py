@@ -13,14 +13,18 @@ from obseq.boundary import Boundary
 from obseq.cli.parsing import coloured, output_file, say
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.printable import printable
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report.adjusted import verdict
 from obseq.report.formats import FORMATS, Format
-from obseq.report.summary import SHOWN, summary
+from obseq.report.said import plain
+from obseq.report.summary import SHOWN, in_text, summary
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
+    from obseq.report.head import Page
+    from obseq.report.units import Units
     from obseq.survey import Network
 
 INCOMPLETE = 1
@@ -77,9 +81,22 @@ def outputs_in(folder: Path) -> Outputs:
     return [(path, form) for form, path in _inside(folder, STEM)]
 
 
+def add_quiet(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add what leaves the verdict alone of what is printed."""
+    group.add_argument("-q", "--quiet", action="store_true", help="print the verdict alone")
+
+
+def print_verdict(page: "Page", units: "Units", written: Iterable[Path]) -> None:
+    """Print the sentence that the page begins with, in its colour, and what was written."""
+    sentence = in_text(plain(page.verdict.text, units))
+    print(printable(coloured(sentence, {sentence: page.verdict.level})))
+    if names := ", ".join(map(str, written)):
+        print(printable(f"Written: {names}"))
+
+
 def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add what says how much is printed."""
-    group.add_argument("-q", "--quiet", action="store_true", help="print the verdict alone")
+    add_quiet(group)
     group.add_argument(
         "-v", "--verbose", action="store_true", help="print iterations, residuals, all notes, times"
     )
