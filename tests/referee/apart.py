@@ -22,7 +22,7 @@ def weak_points(network, found):
 
 def is_undecided(network, left_out):
     """Whether the places told of a point that was left out are minima that the observations do not decide."""
-    told, costs = left_out.sentence(), []
+    told, costs = left_out.sentence, []
     name = told.split()[1]
     starts = {p.name: p.start for p in network.points}
     for place in PLACE.findall(told):
