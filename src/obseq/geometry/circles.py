@@ -30,7 +30,7 @@ def centre_of(points: FloatArray) -> FloatArray | None:
     if not twice > 0.0:
         return None
     start = points[_farthest_pair(points)[0]]
-    return np.asarray(start + np.cross((p @ p) * q - (q @ q) * p, -normal) / twice)
+    return np.asarray(start + np.cross((p @ p) * q - (q @ q) * p, normal) / twice)
 
 
 def _largest_sides(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
