@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 
 import obseq
-from obseq import crs, report, survey
+from obseq import crs, survey
 from obseq.errors import ObseqError
 from obseq.records.adjustment import AdjustmentRecord
+from obseq.report.listing import listing
+from obseq.report.page import page
+from obseq.report.result_file import read_json, to_json
+from obseq.report.summary import summary
 
 FRAME, LAMBERT = "RTL*657700*6860700*0*IGNF:LAMB93", "IGNF:LAMB93"
 WRONG = {
@@ -58,7 +62,7 @@ def site(tmp_path_factory) -> Site:
     network = survey.Network.read(folder / "demo.obs", folder / "demo.cor", frame=FRAME, points_crs=LAMBERT)
     adjusted = network.adjust()
     record = adjusted.record()
-    (folder / "a.json").write_text(report.to_json(record), encoding="utf-8")
+    (folder / "a.json").write_text(to_json(record), encoding="utf-8")
     points, book = survey.join(survey.read_cor(folder / "demo.cor"), survey.read_obs(folder / "demo.obs"))
     return Site(network, adjusted, record, points, book)
 
@@ -147,11 +151,11 @@ def survey_of(site: Site) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
 
 def report_of(site: Site) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     return [
-        (report.summary, {"record": site.record, "written": ["a"]}),
-        (report.listing, {"record": site.record}),
-        (report.page, {"record": site.record}),
-        (report.to_json, {"record": site.record}),
-        (report.read_json, {"path": "a.json"}),
+        (summary, {"record": site.record, "written": ["a"]}),
+        (listing, {"record": site.record}),
+        (page, {"record": site.record}),
+        (to_json, {"record": site.record}),
+        (read_json, {"path": "a.json"}),
         (AdjustmentRecord.from_dict, {"plain": site.record.to_dict()}),
     ]
 

@@ -22,7 +22,7 @@ def test_mutated_projects_are_refused_or_give_what_can_be_trusted(monkeypatch, t
     failures = [said for number in range(120) if (said := bench.failure(found, number, 0.25, counts))]
     assert failures == []
     assert counts["refused"] > 40
-    assert counts["adjusted"] > 1
+    assert counts["adjusted"] > 0
 
 
 @pytest.mark.slow  # reads a few hundred files, adjusts some

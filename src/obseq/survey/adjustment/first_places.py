@@ -98,7 +98,7 @@ def _circles(book: FieldBook, placed: FloatArray) -> Iterator[tuple[int, FloatAr
     """Origins of axes, and (k, 3) placed points of the circle that has most of them."""
     rows = _rows_of(book.observations, FirstPlace.CIRCLE)
     circles: dict[int, dict[int, FloatArray]] = {}
-    for group in np.unique(book.observations.groups[rows]).tolist():
+    for group in sorted(set(book.observations.groups[rows].tolist())):
         of_circle = rows[book.observations.groups[rows] == group]
         points = placed[book.observations.to_points[of_circle]]
         origin = int(book.observations.from_points[of_circle[0]])
