@@ -65,6 +65,11 @@ def test_a_planted_blunder_is_named_first_and_explained(bench, networks, name) -
     for row in np.flatnonzero(own > 4.0)[::6].tolist():
         errors = np.where(np.arange(len(own)) == row, biases, 0.0)
         record = network.adjusted(errors, Quality(snooping="w")).record()
+        (accused,) = record.diagnosis.accused
+        assert row in [place.row for place in accused.observations]
+        if accused.others:  # something else explains it as well: told as a set, and left in
+            assert record.snooping.rejections == ()
+            continue
         (first, *_) = record.snooping.rejections
         assert first.row == row
         assert first.blunder == pytest.approx(biases[row], rel=1e-3)
@@ -73,15 +78,13 @@ def test_a_planted_blunder_is_named_first_and_explained(bench, networks, name) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "size", "runs"), [(NAMES[0], 1, 100), (NAMES[2], 3, 15)])
-def test_runs_of_snooping_leave_out_the_planted_blunder(bench, networks, name, size, runs) -> None:
+def test_runs_of_snooping_leave_out_the_planted_blunder(bench, networks) -> None:
     """What many errors should leave out first, they do as often as theory says; runs with some of them do it.
 
-    Args:
-        size: of what is tested and left out as one, three for vectors.
-        runs: errors that are adjusted and snooped, a third of them such as are rejected by chance.
+    A third of the hundred runs are such as are rejected by chance.
     """
-    network, response = networks[name]
+    network, response = networks[NAMES[0]]
+    size, runs = 1, 100
     n, chance = len(response), np.random.default_rng(7)
     draws, rows = np.arange(MANY), np.arange(MANY) % n
     clean = np.linalg.cholesky(network.covariance) @ chance.standard_normal((n, MANY))

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from obseq.leastsquares.iterations.curvature import Curvature
     from obseq.leastsquares.solvers import Solver
 
-NEAR = 0.3
-"""Share of the radius by which the norm of a step may differ: a radius is known to a factor of two."""
+NEAR = 0.1
+"""Share of the radius by which the norm of a step may differ from it."""
 
 MOST_FACTORS = 12
 """Dampings that are tried for one step."""
