@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -188,6 +189,23 @@ def test_the_top_level_is_as_designed() -> None:
         path.relative_to(ROOT).parts[0] for path in tracked_files() if len(path.relative_to(ROOT).parts) > 1
     }
     assert found == FOLDERS
+
+
+def test_every_module_has_a_file_of_tests() -> None:
+    named = tomllib.loads((ROOT / "tests" / "modules.toml").read_text(encoding="utf-8"))
+    rooms = (room for room in ARROWS if room not in ARCHITECTURE.BESIDE)
+    inside = [path for room in rooms for path in modules_of(room)]
+    alone = [ARCHITECTURE.PACKAGE / f"{name}.py" for name in FILES]
+    wanted = {
+        path.relative_to(ARCHITECTURE.PACKAGE).as_posix()
+        for path in (*inside, *alone)
+        if not path.name.startswith("__")
+    }
+    own = {path.stem.removeprefix("test_") for path in (ROOT / "tests").rglob("test_*.py")}
+    without = [module for module in wanted - set(named) if Path(module).stem not in own]
+    assert without == [], "write tests/ROOM/test_MODULE.py, or add a line to tests/modules.toml"
+    assert set(named) - wanted == set(), "tests/modules.toml names modules that are gone"
+    assert [file for file in named.values() if not (ROOT / file).is_file()] == []
 
 
 def test_no_large_file_is_tracked() -> None:

@@ -58,9 +58,9 @@ columns (commas or blanks, any order; # begins a comment):
   measures  image point x y [sigma, or sx sy, sxy]      pixels"""
 
 EXITS = """\
-exit code: 0 adjusted, also where sigma0 is rejected and nothing single is suspected (see global_test in
-the JSON); 1 not converged, something left out, a gross error suspected, or half of the measures of the
-block, of an image or of a point rejected; 2 could not run"""
+exit code: 0 adjusted, also where the test of sigma0 fails and the diagnosis accepts the residuals; 1 not
+converged, something left out, an error suspected, residuals that nothing explains, or half of the measures
+of the block, of an image or of a point rejected; 2 could not run"""
 
 COMMON = (
     *(
