@@ -145,3 +145,5 @@ def test_fields_by_name_only_come_last() -> None:
     assert list(inspect.signature(Station).parameters) == ["name", "x", "tags", "instrument", "height"]
     station = Station("A", 1.0, ["old"], "T16", height=1.5)
     assert (station.instrument, station.height) == ("T16", 1.5)
+    with pytest.raises(TypeError, match="got multiple values for argument 'instrument'"):
+        Station("A", 1.0, ["old"], "T16", instrument="T2")

@@ -254,7 +254,7 @@ def modules_of(room: str) -> list[Path]:
 
 def purpose(place: Path) -> str:
     """First sentence of what a room or a file says of itself."""
-    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    path = file if (file := place.with_suffix(".py")).is_file() else place / "__init__.py"
     line = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").splitlines()[0]
     return line.rstrip(".")
 

@@ -109,7 +109,7 @@ def _completed(cls: type, given: tuple[Value, ...], named: Mapping[str, Value]) 
     Raises:
         TypeError: arguments are missing, given twice, or not known.
     """
-    fields = dataclasses.fields(cls)
+    fields = _in_order(cls)
     names = [field.name for field in fields if field.init]
     if len(given) > len(names):
         raise TypeError(f"{cls.__name__} takes {len(names)} positional arguments but {len(given)} were given")
