@@ -131,7 +131,7 @@ def test_what_is_held_is_held_whatever_observations_say_of_it(name, weight):
 @pytest.mark.parametrize("name", ["dense", "superlu"])
 def test_what_a_constraint_holds_has_no_variance_however_little_is_seen_of_it(name):
     """A point seen in one direction well, across it 1e-9 as well, and held along a line between the two."""
-    points, matrix = free_network()
+    _, matrix = free_network()
     matrix = np.block([[matrix, np.zeros((24, 2))], [np.zeros((2, 24)), np.zeros((2, 2))]])
     row = np.zeros(26)
     row[[0, 24]] = -1.0, 1.0
