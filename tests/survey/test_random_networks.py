@@ -25,7 +25,7 @@ a latitude whose last digit is worth a millionth of a sigma."""
 
 
 HELD = (20177, 20396)
-"""Free networks with held coordinates along slanting axes, of which differences of height see next to nothing."""
+"""Free networks with coordinates held along slanting axes, of which height differences see nearly nothing."""
 
 
 @pytest.mark.parametrize("seed", [*SEEDS, *FREE, *HELD])
