@@ -69,6 +69,12 @@ def test_each_result_can_be_asked_for(site: Path, capsys) -> None:
     assert names_in(site) == ["a.json", "b.html", "c.txt", "site.cor", "site.obs"]
 
 
+def test_observations_alone_are_placed_in_a_frame_of_their_own(site: Path, capsys) -> None:
+    assert main(["adjust", "site.obs", "--json", "a.json"]) in (0, 1)
+    told = json.loads((site / "a.json").read_text(encoding="utf-8"))["warnings"]
+    assert any("placed in a frame of its own" in text for text in told)
+
+
 def test_nothing_is_written_when_nothing_is_asked_for(site: Path, capsys) -> None:
     assert adjust() == 0
     assert names_in(site) == ["site.cor", "site.obs"]
@@ -171,7 +177,7 @@ def test_an_unknown_coordinate_system_is_named(frame: str, site: Path, capsys) -
 
 def test_options_that_lack_another_one_are_refused(site: Path, capsys) -> None:
     assert_refused(site, capsys, "--snooping-level goes with --snooping", "--snooping-level", "0.1")
-    assert main(["adjust", "site.obs"]) == 2
+    assert main(["adjust", "site.cor"]) == 2
     assert "Files of observations and of points" in capsys.readouterr().err
 
 
