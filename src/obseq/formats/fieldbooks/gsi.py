@@ -32,7 +32,7 @@ POINT, INSTRUMENT, STATION, CODE, NAME, HEIGHT = "11", "12", "16", "41", "42", "
 HORIZONTAL, VERTICAL, SLOPE, FLAT = "21", "22", "31", "32"
 STAFF = "33"
 BACK, STAFFS, OTHER_STAFFS = ("1", "5"), ("1", "2", "5", "6"), ("0", "3", "4")
-"""Third characters of readings of a levelling staff: backwards, in either sense, and those that are no turn."""
+"""Third characters of readings of a levelling staff: backwards, in both senses, of no turn."""
 TARGET, PLACE = ("81", "82", "83"), ("84", "85", "86")
 TARGET_HEIGHT, INSTRUMENT_HEIGHT = "87", "88"
 LENGTHS = {"0": 1e-3, "1": FOOT * 1e-3, "6": 1e-4, "7": FOOT * 1e-4, "8": 1e-5}

@@ -95,8 +95,8 @@ def _in_axes_of_tilted(points: Points, book: FieldBook) -> tuple[Points, str] | 
     for sight, place in most.items():
         coordinates[sight.target] = place
     return replace(points, coordinates=coordinates), (
-        f"no point has coordinates: the network is placed in the axes of {points.names[origin]}, a set-up that "
-        "is not plumb; its datum is that of inner constraints"
+        f"no point has coordinates: the network is placed in the axes of {points.names[origin]}, a set-up "
+        "that is not plumb; its datum is that of inner constraints"
     )
 
 
