@@ -70,9 +70,8 @@ def test_each_result_can_be_asked_for(site: Path, capsys) -> None:
 
 
 def test_observations_alone_are_placed_in_a_frame_of_their_own(site: Path, capsys) -> None:
-    assert main(["adjust", "site.obs", "--json", "a.json"]) in (0, 1)
-    told = json.loads((site / "a.json").read_text(encoding="utf-8"))["warnings"]
-    assert any("placed in a frame of its own" in text for text in told)
+    assert main(["adjust", "site.obs"]) == 0
+    assert "placed in a frame of its own" in capsys.readouterr().out
 
 
 def test_nothing_is_written_when_nothing_is_asked_for(site: Path, capsys) -> None:
