@@ -69,11 +69,6 @@ def test_each_result_can_be_asked_for(site: Path, capsys) -> None:
     assert names_in(site) == ["a.json", "b.html", "c.txt", "site.cor", "site.obs"]
 
 
-def test_observations_alone_are_placed_in_a_frame_of_their_own(site: Path, capsys) -> None:
-    assert main(["adjust", "site.obs"]) == 0
-    assert "placed in a frame of its own" in capsys.readouterr().out
-
-
 def test_nothing_is_written_when_nothing_is_asked_for(site: Path, capsys) -> None:
     assert adjust() == 0
     assert names_in(site) == ["site.cor", "site.obs"]
