@@ -3,8 +3,6 @@
 import importlib
 from pathlib import Path
 
-import pytest
-
 BENCHMARKS = Path(__file__).parents[2] / "tools" / "benchmarks"
 
 
