@@ -11,9 +11,10 @@ from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, places_in, with_surveys
 from obseq.images.names import as_names
+from obseq.joint.adjusted import JointSolution
 from obseq.joint.named import add_named, named_equation
 from obseq.joint.places import place_points
-from obseq.joint.solution import ImagePart, JointSolution
+from obseq.joint.solution import ImagePart
 from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.problem.arguments import finite
 from obseq.survey.points import make_points

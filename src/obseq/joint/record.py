@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from msgspec import structs
@@ -21,12 +21,18 @@ from obseq.records.adjustment import (
 )
 from obseq.records.diagnosis import KnownRecord, PlaceRecord
 from obseq.stopwatch import Stopwatch
-from obseq.survey.adjustment.adjusted_quality import ellipse_records, levels_of
+from obseq.survey.adjustment.adjusted_quality import (
+    NAMES,
+    ReliabilityNumbers,
+    ellipse_records,
+    levels_of,
+)
 from obseq.survey.adjustment.adjusted_records import (
     finite_number,
     global_test_record,
     known_letters,
     moves,
+    reliability_columns,
     tested_types,
 )
 from obseq.survey.adjustment.computation import Computation
@@ -37,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from obseq.joint.named import NamedEquation
-    from obseq.joint.solution import JointSolution
+    from obseq.joint.solution import Solved
     from obseq.leastsquares import Batch, Reliability
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
@@ -58,7 +64,7 @@ class Listed(NamedTuple):
     not_listed: list[str]
 
 
-def record_of(solution: JointSolution, title: str | None = None) -> AdjustmentRecord:
+def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
     """The record of all surveys, points and equations of an open adjustment, under a title of the user's."""
     result, tests = solution.result, solution.reliability if solution.result.has_covariances else None
     surveys = [part.adjusted(result, tests) for part in solution.surveys]
@@ -127,7 +133,7 @@ def _firsts(records: Sequence[AdjustmentRecord]) -> list[int]:
 # Points
 
 
-def _points(solution: JointSolution, found: Sequence[Sequence[PointRecord]]) -> Iterator[PointRecord]:
+def _points(solution: Solved, found: Sequence[Sequence[PointRecord]]) -> Iterator[PointRecord]:
     """Points of the surveys, then those that none of them has: of images, and one's own."""
     of_surveys = {point.name: point for points in reversed(found) for point in points}
     yield from of_surveys.values()
@@ -147,7 +153,7 @@ def _points(solution: JointSolution, found: Sequence[Sequence[PointRecord]]) -> 
         yield structs.replace(record, known=known, moved=moved)
 
 
-def _systems(solution: JointSolution) -> tuple[Frame, crs.CoordinateSystem]:
+def _systems(solution: Solved) -> tuple[Frame, crs.CoordinateSystem]:
     """Frame, and system of the points: those of the first network, or a plane with heights."""
     if solution.surveys:
         network = solution.surveys[0].network
@@ -156,7 +162,7 @@ def _systems(solution: JointSolution) -> tuple[Frame, crs.CoordinateSystem]:
     return Frame(local), local
 
 
-def _known(solution: JointSolution, tests: Reliability | None) -> Iterator[ConstraintRecord]:
+def _known(solution: Solved, tests: Reliability | None) -> Iterator[ConstraintRecord]:
     """Coordinates of points that were given with sigmas, to this adjustment itself."""
     for name, prior in solution.priors:
         here = solution.points([name])[0]
@@ -172,7 +178,7 @@ def _known(solution: JointSolution, tests: Reliability | None) -> Iterator[Const
 # Observations
 
 
-def _observations(solution: JointSolution, tests: Reliability | None) -> Listed:
+def _observations(solution: Solved, tests: Reliability | None) -> Listed:
     found = Listed([], [], [])
     for equation, batch in solution.equations:
         for column in columns_of(solution.system, batch, equation.formula):
@@ -186,7 +192,7 @@ def _observations(solution: JointSolution, tests: Reliability | None) -> Listed:
 
 
 def _rows(
-    solution: JointSolution,
+    solution: Solved,
     equation: NamedEquation,
     batch: Batch,
     column: Column,
@@ -195,22 +201,13 @@ def _rows(
     k = column.residual
     residuals = solution.result.residuals(batch)[:, k]
     sigmas = np.broadcast_to(batch.sigmas, (batch.n, batch.shape.n_residuals))[:, k]
-    columns: dict[str, list[Any]] = {
-        "residual": defined(residuals),
-        "normalised_residual": defined(residuals / sigmas),
-        "adjusted": defined(column.values + residuals),
-    }
+    plain = zip(*map(defined, (residuals, residuals / sigmas, column.values + residuals)), strict=True)
+    found = [np.full(batch.n, np.nan)] * len(NAMES)
     if tests is not None:
-        part = tests.of(batch)
-        columns |= {
-            "redundancy": defined(part.redundancy[:, k]),
-            "standardised_residual": defined(part.w[:, k]),
-            "tau": defined(part.tau[:, k]),
-            "detectable": defined(part.detectable[:, k]),
-            "external": defined(part.external[:, k]),
-            "blunder": defined(-part.left_out_residuals[:, k]),
-        }
-    for row in range(batch.n):
+        found = [getattr(tests.of(batch), name)[:, k] for name in NAMES]
+    redundancy, w, tau, detectable, external, residual = found
+    numbers = reliability_columns(ReliabilityNumbers(redundancy, w, tau, detectable, external, -residual))
+    for row, (off, normalised, adjusted) in enumerate(plain):
         ends = equation.ends(row)
         yield ObservationRecord(
             type=column.type,
@@ -218,15 +215,22 @@ def _rows(
             target=ends[1],
             value=float(column.values[row]),
             sigma=float(sigmas[row]),
+            residual=off,
+            normalised_residual=normalised,
             file="",
             line=0,
             active=bool(batch.active[row]),
             unit=column.unit,
-            **{name: values[row] for name, values in columns.items()},
+            adjusted=adjusted,
+            rejected=None,
+            backsight=None,
+            effect=None,
+            azimuth=None,
+            **{name: values[row] for name, values in numbers.items()},
         )
 
 
-def _types(solution: JointSolution, tests: Reliability | None) -> Iterator[StatisticsRecord]:
+def _types(solution: Solved, tests: Reliability | None) -> Iterator[StatisticsRecord]:
     """How the observations of each group fit that is of no survey: image points, clinometers, one's own."""
     if tests is None:
         return

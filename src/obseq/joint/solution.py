@@ -1,9 +1,8 @@
-"""What an open adjustment found: values by name, residuals and tests of each equation, and a report."""
+"""What an open adjustment found: values by name, residuals and tests of each equation, parts as views."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -21,7 +20,6 @@ from obseq.survey.points import make_points, merge_points
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
-    from pathlib import Path
 
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
@@ -33,9 +31,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult, Reliability
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import State
-    from obseq.records.adjustment import AdjustmentRecord
     from obseq.records.diagnosis import DiagnosisRecord
-    from obseq.records.table import AnyTable
     from obseq.survey import Adjustment, Network
     from obseq.survey.points import Points
 
@@ -49,7 +45,7 @@ class ImagePart(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class JointSolution:
+class Solved:
     """An adjusted whole; precisions are a posteriori where there is redundancy, else a priori.
 
     Attributes:
@@ -190,41 +186,6 @@ class JointSolution:
             names = [part.names[row] for row in rows]
             found.append(make_points(names, part.coordinates[rows], part.sigmas[rows]))
         return merge_points(found)
-
-    def record(self, title: str | None = None) -> AdjustmentRecord:
-        """What the result file holds and the reports print: all points, observations, tests, what is wrong.
-
-        Image points are in the record of their block (`block`).
-        """
-        from obseq.joint.record import record_of
-
-        return record_of(self, title)
-
-    def table(self, name: str = "points") -> AnyTable:
-        """A table of the record: "points", "observations", "constraints", "types", ... (docs/result-file.md).
-
-        Raises:
-            InputError: The record has no such list.
-        """
-        return self.record().table(name)
-
-    def save(self, path: str | Path) -> None:
-        """Writes the record: `.json` (read again by `obseq.load`), `.html` or `.txt`, by the suffix.
-
-        Raises:
-            InputError: The suffix is another, or the file cannot be written.
-        """
-        from obseq.report.formats import FORMATS
-        from obseq.report.saving import save
-
-        record = self.record()
-        save({form.suffix: partial(form.write, record) for form in FORMATS}, path)
-
-    def report(self) -> str:
-        """The complete listing, as of networks."""
-        from obseq.report.listing import listing
-
-        return listing(self.record())
 
     def _id(self, name: str, kind: str) -> int:
         known: list[str] = []
