@@ -282,8 +282,8 @@ def test_angles_alone_of_topcon_may_come_with_the_tilt(tmp_path, tilt):
 
 
 def test_coordinates_after_a_backsight_are_its_own(tmp_path):
-    text = "GTS-700 v3.0\nSTN     A,1.4,\nXYZ     1.0,2.0,3.0\nBS      B,1.5,\nXYZ     5.0,6.0,7.0\nSD      0.0,90.0,9.0\n"
-    _, book = read(tmp_path, "a.gts7", text)
+    station, back = "STN     A,1.4,\nXYZ     1.0,2.0,3.0\n", "BS      B,1.5,\nXYZ     5.0,6.0,7.0\n"
+    read(tmp_path, "a.gts7", f"GTS-700 v3.0\n{station}{back}SD      0.0,90.0,9.0\n")
     network = Network.read_project(tmp_path / "a.gts7", sigmas=SIGMAS)
     places = dict(zip(network.points.names, network.points.coordinates.tolist(), strict=True))
     assert places == {"A": [1.0, 2.0, 3.0], "B": [5.0, 6.0, 7.0]}
