@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import shutil
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
+from weakref import finalize
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
@@ -20,6 +20,7 @@ from obseq.leastsquares.blocks.workers import Workers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
     from types import TracebackType
 
     from obseq.leastsquares.blocks.partition import Partition, Tree
@@ -68,10 +69,10 @@ class Blocks:
             raise InputError("resume: name the folder of the run that was stopped (work)")
         return Run(self)
 
-    def close(self) -> None:
-        """Removes the files, and ends the workers that were started."""
+    def close(self, is_done: bool = True) -> None:
+        """Ends the workers that were started, removes the files; in `work` they stay for who is not done."""
         if "run" in self.__dict__:
-            self.run.close()
+            self.run.close(is_done)
 
     def __enter__(self) -> Blocks:
         return self
@@ -79,7 +80,7 @@ class Blocks:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self.close(error is None)
 
 
 class Run:
@@ -94,8 +95,13 @@ class Run:
         self._tell, self._wanted = blocks.tell, blocks.parts
         self._memory = None if blocks.memory is None else bytes_of(blocks.memory)
         self.is_kept = blocks.work is not None
-        self._claim, self.folder = claimed(blocks.work, blocks.resume, blocks.tell)
         self._workers = Workers(blocks.client, self._memory)
+        try:
+            self._claim, self.folder = claimed(blocks.work, blocks.resume, blocks.tell)
+        except InputError:
+            self._workers.close()
+            raise
+        self._end = finalize(self, _end, self._workers, self._claim, self.folder)
 
     def cut(self, tree: Tree, pattern: SymmetricPattern) -> Partition:
         """The parts of a matrix that memory and workers ask for.
@@ -161,7 +167,9 @@ class Run:
             )
 
     def _why_whole(self) -> str:
-        return "which cannot be cut" if self._wanted or self._workers.count > 1 else "which memory suffices for"
+        return (
+            "which cannot be cut" if self._wanted or self._workers.count > 1 else "which memory suffices for"
+        )
 
     def do(
         self,
@@ -200,8 +208,14 @@ class Run:
             for future in running:
                 future.cancel()
 
-    def close(self) -> None:
-        """Removes the folder, and ends the workers that were started."""
-        self._workers.close()
-        self._claim.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
+    def close(self, is_done: bool = True) -> None:
+        """Ends the workers that were started, and removes the folder where it is of no use any more."""
+        self._end.detach()
+        _end(self._workers, self._claim, self.folder if is_done or not self.is_kept else None)
+
+
+def _end(workers: Workers, claim: IO[Any], folder: Path | None) -> None:
+    workers.close()
+    claim.close()
+    if folder is not None:
+        shutil.rmtree(folder, ignore_errors=True)

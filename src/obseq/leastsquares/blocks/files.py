@@ -24,7 +24,7 @@ from obseq.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IndexArray
 
 VERSIONS = f"obseq {__version__}, numpy {np.__version__}, Python {sys.version_info[0]}.{sys.version_info[1]}"
 """What makes the numbers: it is part of every digest, and must be alike on all workers."""
@@ -68,7 +68,7 @@ def _told(path: Path, error: OSError) -> InputError:
     return InputError(f"{path.parent}: blocks cannot be written: {error.strerror or error}")
 
 
-def write_numbers(path: Path, numbers: FloatArray) -> None:
+def write_numbers(path: Path, numbers: FloatArray | IndexArray) -> None:
     """Writes numbers as they are in memory."""
     write(path, np.ascontiguousarray(numbers).tofile)
 

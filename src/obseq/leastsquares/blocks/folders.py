@@ -40,12 +40,12 @@ def claimed(work: str | Path | None, resume: bool, tell: Callable[[str], None]) 
         if resume:
             tell(f"blocks: nothing is left in {place} to be taken up")
         folder = Path(mkdtemp(prefix=PREFIX, dir=place))
-        claim = _claim(folder)
+        own = _claim(folder)
     except OSError as error:
         raise InputError(f"{place}: blocks cannot be kept there: {error.strerror or error}") from error
-    if claim is None:
+    if own is None:
         raise InputError(f"{place}: blocks cannot be kept there: its files cannot be locked")
-    return claim, folder
+    return own, folder
 
 
 def _left(place: Path) -> list[tuple[IO[Any], Path]]:

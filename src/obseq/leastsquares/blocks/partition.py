@@ -90,7 +90,7 @@ class Tree:
         self._unknowns = unknowns_in_order(grouping, place).astype(np.int32)
         width = np.bincount(node, weights, len(self._parent))
         heights = np.concatenate([[0], np.cumsum(weights[self._rows])])[self._rows_at]
-        self._panels = NUMBER * width * (width + np.diff(heights))
+        self._panels = (NUMBER * width * (width + np.diff(heights))).astype(np.float64)
         self.factor = int(self._panels.sum())
 
     def parts(self, share: float) -> Partition:
@@ -121,7 +121,6 @@ class Tree:
         return np.concatenate(ranges) if ranges else np.zeros(0, np.int32)
 
 
-
 def _ends(part_of: IndexArray, count: int) -> IntArray:
     """Where the unknowns of each part end, the last one's apart."""
     return np.cumsum(np.bincount(part_of, minlength=count))[:-1]
@@ -136,7 +135,7 @@ def _tops(parent: IntArray, task: IntArray, count: int) -> list[int]:
 
 
 def entries_of(pattern: SymmetricPattern, partition: Partition) -> Sequence[IndexArray]:
-    """Of each part, its entries among the values of the pattern: those of its own unknowns with later ones."""
+    """Of each part, places of its entries among the values: those of its own unknowns with later ones."""
     position = np.empty(pattern.n, np.int32)
     position[partition.unknowns] = np.arange(pattern.n, dtype=np.int32)
     column = np.repeat(position, np.diff(pattern.indptr))

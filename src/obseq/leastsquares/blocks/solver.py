@@ -1,4 +1,4 @@
-"""The solver of matrices in parts: behind the protocol of all solvers, so that every kind of equation has it."""
+"""The solver of matrices in parts, behind the protocol of all solvers: every kind of equation has it."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class BlockSolver(BaseSolver):
         self._above = _parents(partition)
         entries = entries_of(pattern, partition)
         self._parts: list[str] = []
-        for k, part in enumerate(partition.parts):
+        for k in range(len(partition.parts)):
             given = _entries(pattern, partition, k, entries[k])
-            self._parts.append(digest_of(given.n, given.own, given.rows, given.columns, *given.children))
+            self._parts.append(digest_of(entries[k], *given))
             write_numbers(folder / f"places-{self._parts[k]}", entries[k])
             if not (folder / f"prepared-{self._parts[k]}").exists():
                 write_object(folder / f"entries-{self._parts[k]}", given)
@@ -65,8 +65,9 @@ class BlockSolver(BaseSolver):
             below = [self._keys[child] for child in part.children]
             self._keys.append(digest_of(self._parts[k], tolerance, self._own_values(k), *below))
         self._forget(old - set(self._keys))
-        found = [self._kept_defect(k) for k in range(len(self._keys))]
-        if any(defect is None for defect in found):
+        kept = [self._kept_defect(k) for k in range(len(self._keys))]
+        found = [defect for defect in kept if defect is not None]
+        if len(found) < len(kept):
             found = self._eliminated()
         unknowns = [partition.unknowns[part.own] for part in partition.parts]
         indices = np.concatenate([own[one.indices] for own, one in zip(unknowns, found, strict=True)])
@@ -147,9 +148,7 @@ class BlockSolver(BaseSolver):
             places = np.fromfile(folder / f"places-{self._parts[k]}", np.int32)
             selected[places] = read_numbers(folder / f"inverse-{self._keys[k]}")
 
-        self._downwards(
-            lambda k: (tasks.invert, self._parts[k], self._keys[k], self._keys_below(k)), take
-        )
+        self._downwards(lambda k: (tasks.invert, self._parts[k], self._keys[k], self._keys_below(k)), take)
         return selected
 
     def _upwards(self, work: Callable[[int, list[Any]], tuple[Any, ...]]) -> list[Any]:
@@ -185,9 +184,7 @@ def _parents(partition: Partition) -> list[int]:
     return above
 
 
-def _entries(
-    pattern: SymmetricPattern, partition: Partition, k: int, entries: IndexArray
-) -> tasks.Entries:
+def _entries(pattern: SymmetricPattern, partition: Partition, k: int, entries: IndexArray) -> tasks.Entries:
     """The matrix of a part, its unknowns counted among its own and outer ones."""
     part = partition.parts[k]
     members = np.concatenate([part.own, part.outer])
@@ -195,8 +192,6 @@ def _entries(
     local[partition.unknowns[members]] = np.arange(len(members), dtype=np.int32)
     columns = np.searchsorted(pattern.indptr, entries, "right") - 1
     row, column = local[pattern.indices[entries]], local[columns]
-    children = tuple(
-        local[partition.unknowns[partition.parts[child].outer]] for child in part.children
-    )
+    children = tuple(local[partition.unknowns[partition.parts[child].outer]] for child in part.children)
     low, high = np.minimum(row, column), np.maximum(row, column)
     return tasks.Entries(len(part.own), len(members), high, low, children)

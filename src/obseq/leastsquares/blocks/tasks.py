@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Any
+
+    from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray, IndexArray, IntArray
 
@@ -52,8 +53,8 @@ class Prepared(NamedTuple):
 
     own: int
     solver: SupernodalCholesky
-    entries: IntArray
-    children: tuple[IntArray, ...]
+    entries: IndexArray
+    children: tuple[IndexArray, ...]
 
 
 def task(versions: str, function: Callable[..., Any], folder: str, *arguments: Any) -> Any:
@@ -99,9 +100,7 @@ def _triangle(places: IndexArray, n: int) -> IntArray:
     return np.concatenate(columns) if columns else np.zeros(0, np.int64)
 
 
-def eliminate(
-    folder: Path, part: str, key: str, children: tuple[str, ...], tolerance: float
-) -> Defect:
+def eliminate(folder: Path, part: str, key: str, children: tuple[str, ...], tolerance: float) -> Defect:
     """Eliminates a part from the values of its entries and what the parts below left; keeps the factor."""
     names = [folder / f"{kind}-{key}" for kind in OF_AN_ELIMINATION]
     if all(name.exists() for name in names):
@@ -154,7 +153,7 @@ def _gathered(
     return whole
 
 
-def _members(pattern: SymmetricPattern, places: IntArray) -> IntArray:
+def _members(pattern: SymmetricPattern, places: IndexArray) -> NDArray[np.integer[Any]]:
     """The unknowns of a triangle: its first column has all of them."""
     return pattern.indices[places[: _order(len(places))]]
 

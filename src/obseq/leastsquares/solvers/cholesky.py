@@ -92,9 +92,7 @@ class SupernodalCholesky(BaseSolver):
             self._factor_last(tolerance)
         return self._defect_before(self.pattern.n, tolerance)
 
-    def _factor_until(
-        self, values: FloatArray, tolerance: float, diagonal: FloatArray | None = None
-    ) -> None:
+    def _factor_until(self, values: FloatArray, tolerance: float, diagonal: FloatArray | None = None) -> None:
         """Factors all supernodes but that of the last unknowns, which is assembled."""
         schedule = self._schedule
         measure = values[self.pattern.diagonal] if diagonal is None else diagonal

@@ -148,9 +148,7 @@ def supernodes(
         (n,) supernode of each vertex, and (n_supernodes,) parent of each; parents have higher numbers.
     """
     node, tree = np.full((2, len(parent)), -1)
-    kept = gather_vertices(
-        parent, counts, weights, n_last, node, tree, np.zeros((8, len(parent)), np.int64)
-    )
+    kept = gather_vertices(parent, counts, weights, n_last, node, tree, np.zeros((8, len(parent)), np.int64))
     return node, tree[:kept].copy()
 
 

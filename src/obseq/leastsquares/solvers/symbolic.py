@@ -141,6 +141,7 @@ def _children(tree: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def unknowns_in_order(grouping: Grouping, place: IntArray) -> IntArray:
+    """(n,) unknowns in the order of elimination, from the places of the vertices."""
     return np.argsort(place[grouping.vertex], kind="stable")
 
 
