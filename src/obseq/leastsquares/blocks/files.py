@@ -31,10 +31,16 @@ VERSIONS = f"obseq {__version__}, numpy {np.__version__}, Python {sys.version_in
 
 
 def digest_of(*parts: object) -> str:
-    """The name of what is made of these arrays, texts and numbers."""
+    """The name of what is made of these arrays, tuples of arrays, texts and numbers."""
     found = hashlib.blake2b(VERSIONS.encode(), digest_size=12)
     for part in parts:
-        found.update(np.ascontiguousarray(part).data if isinstance(part, np.ndarray) else repr(part).encode())
+        if isinstance(part, tuple):
+            found.update(digest_of(*part).encode())
+        elif isinstance(part, np.ndarray):
+            found.update(repr(part.shape).encode())
+            found.update(np.ascontiguousarray(part).data)
+        else:
+            found.update(repr(part).encode())
         found.update(b"|")
     return found.hexdigest()
 

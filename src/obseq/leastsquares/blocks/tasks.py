@@ -83,7 +83,8 @@ def _prepared(given: Entries) -> Prepared:
     key = given.columns.astype(np.int64) * given.n + given.rows
     outer = np.arange(given.own, given.n) * (given.n + 1)
     cliques = [_triangle(child, given.n) for child in given.children]
-    keys = np.unique(np.concatenate([key, outer, *cliques]))
+    keys = np.sort(np.concatenate([key, outer, *cliques]))
+    keys = keys[np.append(True, keys[1:] != keys[:-1])]
     indptr = np.searchsorted(keys, np.arange(given.n + 1) * given.n)
     pattern = SymmetricPattern(given.n, indptr, (keys % max(given.n, 1)).astype(np.int32))
     solver = SupernodalCholesky(ordering="natural", last=np.arange(given.own, given.n))
