@@ -4,7 +4,7 @@ import argparse
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import positive_integer
 from obseq.errors import InputError
@@ -54,6 +54,6 @@ def _tell(text: str) -> None:
     print(printable(text), file=sys.stderr)
 
 
-def ended(blocks: "Blocks | None") -> AbstractContextManager[Any]:
+def ended(blocks: "Blocks | None") -> AbstractContextManager[object]:
     """Removes files and workers at its end."""
     return nullcontext() if blocks is None else blocks

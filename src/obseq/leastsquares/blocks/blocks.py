@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import shutil
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 from weakref import finalize
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.leastsquares.blocks.files import VERSIONS
+from obseq.leastsquares.blocks.files import VERSIONS, Value
 from obseq.leastsquares.blocks.folders import claimed
 from obseq.leastsquares.blocks.memory import bytes_of, in_use, told
 from obseq.leastsquares.blocks.partition import ROOM
@@ -56,7 +56,7 @@ class Blocks:
     """
 
     memory: str | int | None = None
-    client: Any = None
+    client: Value = None
     work: str | Path | None = None
     resume: bool = False
     parts: int | None = None
@@ -174,8 +174,8 @@ class Run:
     def do(
         self,
         waits: Sequence[Sequence[int]],
-        work: Callable[[int], tuple[Any, ...]],
-        take: Callable[[int, Any], None],
+        work: Callable[[int], tuple[Value, ...]],
+        take: Callable[[int, Value], None],
     ) -> None:
         """Does tasks, each after those that it waits for.
 
@@ -190,7 +190,7 @@ class Run:
             for one in before:
                 after[one].append(k)
         ready = [k for k, count in enumerate(blockers) if not count]
-        running: dict[Future[Any], int] = {}
+        running: dict[Future[Value], int] = {}
         try:
             while ready or running:
                 while ready and len(running) < self._workers.at_once:
@@ -214,7 +214,7 @@ class Run:
         _end(self._workers, self._claim, self.folder if is_done or not self.is_kept else None)
 
 
-def _end(workers: Workers, claim: IO[Any], folder: Path | None) -> None:
+def _end(workers: Workers, claim: IO[str], folder: Path | None) -> None:
     workers.close()
     claim.close()
     if folder is not None:

@@ -14,7 +14,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 from tempfile import mkstemp
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray, IndexArray
+
+Value: TypeAlias = Any
+"""What a task is given and gives: arrays, names, what a file has; or what Dask is made of."""
 
 VERSIONS = f"obseq {__version__}, numpy {np.__version__}, Python {sys.version_info[0]}.{sys.version_info[1]}"
 """What makes the numbers: it is part of every digest, and must be alike on all workers."""
@@ -45,7 +48,7 @@ def digest_of(*parts: object) -> str:
     return found.hexdigest()
 
 
-def write(path: Path, save: Callable[[Any], object]) -> None:
+def write(path: Path, save: Callable[[IO[bytes]], object]) -> None:
     """Writes a file beside its place, which it takes when it is complete.
 
     Raises:
@@ -89,7 +92,7 @@ def write_object(path: Path, thing: object) -> None:
     write(path, lambda file: pickle.dump(thing, file, protocol=5))
 
 
-def read_object(path: Path) -> Any:
+def read_object(path: Path) -> Value:
     """What `write_object` wrote."""
     with path.open("rb") as file:
         return pickle.load(file)

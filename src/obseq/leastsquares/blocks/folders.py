@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 from obseq.errors import InputError
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 PREFIX = "obseq-blocks-"
 
 
-def claimed(work: str | Path | None, resume: bool, tell: Callable[[str], None]) -> tuple[IO[Any], Path]:
+def claimed(work: str | Path | None, resume: bool, tell: Callable[[str], None]) -> tuple[IO[str], Path]:
     """A folder of one's own, with the file that says so as long as it is open.
 
     Args:
@@ -48,14 +48,14 @@ def claimed(work: str | Path | None, resume: bool, tell: Callable[[str], None]) 
     return own, folder
 
 
-def _left(place: Path) -> list[tuple[IO[Any], Path]]:
+def _left(place: Path) -> list[tuple[IO[str], Path]]:
     """The folders of runs that have ended before their end, the newest first, claimed."""
     folders = sorted(place.glob(f"{PREFIX}*"), key=lambda folder: folder.stat().st_mtime, reverse=True)
     claims = [(_claim(folder), folder) for folder in folders if folder.is_dir()]
     return [(claim, folder) for claim, folder in claims if claim is not None]
 
 
-def _claim(folder: Path) -> IO[Any] | None:
+def _claim(folder: Path) -> IO[str] | None:
     """The lock of a folder; None where a living process has it."""
     file = (folder / "lock").open("a")
     try:

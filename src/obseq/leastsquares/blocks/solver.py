@@ -7,14 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.leastsquares.blocks import tasks
-from obseq.leastsquares.blocks.files import digest_of, read_numbers, read_object, write_numbers, write_object
+from obseq.leastsquares.blocks.files import (
+    Value,
+    digest_of,
+    read_numbers,
+    read_object,
+    write_numbers,
+    write_object,
+)
 from obseq.leastsquares.blocks.partition import Tree, entries_of
 from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Any
 
     from obseq.arrays import FloatArray, IndexArray
     from obseq.leastsquares.blocks.blocks import Run
@@ -89,7 +95,7 @@ class BlockSolver(BaseSolver):
         """Eliminates the parts whose factor is not there: of a stopped run the small files may be alone."""
         return self._upwards(self._elimination)
 
-    def _elimination(self, k: int, _: list[Any]) -> tuple[Any, ...]:
+    def _elimination(self, k: int, _: list[Value]) -> tuple[Value, ...]:
         key, below = self._keys[k], self._keys_below(k)
         if not self._has_factor(key):
             write_numbers(self._run.folder / f"values-{key}", self._own_values(k))
@@ -115,7 +121,7 @@ class BlockSolver(BaseSolver):
         rights = [turned[part.own] for part in partition.parts]
         children = [part.children for part in partition.parts]
 
-        def below(k: int, rests: list[Any]) -> list[tuple[int, FloatArray]]:
+        def below(k: int, rests: list[Value]) -> list[tuple[int, FloatArray]]:
             return [(at, rests[child]) for at, child in enumerate(children[k])]
 
         rests = self._upwards(
@@ -151,14 +157,16 @@ class BlockSolver(BaseSolver):
         self._downwards(lambda k: (tasks.invert, self._parts[k], self._keys[k], self._keys_below(k)), take)
         return selected
 
-    def _upwards(self, work: Callable[[int, list[Any]], tuple[Any, ...]]) -> list[Any]:
+    def _upwards(self, work: Callable[[int, list[Value]], tuple[Value, ...]]) -> list[Value]:
         """What a task gives of each part, those below first; `work` gets what was found so far."""
-        done: list[Any] = [None] * len(self._partition.parts)
+        done: list[Value] = [None] * len(self._partition.parts)
         waits = [part.children for part in self._partition.parts]
         self._run.do(waits, lambda k: work(k, done), done.__setitem__)
         return done
 
-    def _downwards(self, work: Callable[[int], tuple[Any, ...]], take: Callable[[int, Any], None]) -> None:
+    def _downwards(
+        self, work: Callable[[int], tuple[Value, ...]], take: Callable[[int, Value], None]
+    ) -> None:
         """Gives what a task finds of each part, those above first."""
         waits = [() if above < 0 else (above,) for above in self._above]
         self._run.do(waits, work, take)

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.blocks.files import VERSIONS, read_numbers, read_object, write_numbers, write_object
+from obseq.leastsquares.blocks.files import (
+    VERSIONS,
+    Value,
+    read_numbers,
+    read_object,
+    write_numbers,
+    write_object,
+)
 from obseq.leastsquares.solvers.blas import one_blas_thread
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
     from obseq.arrays import FloatArray, IndexArray, IntArray
 
@@ -57,7 +62,7 @@ class Prepared(NamedTuple):
     children: tuple[IndexArray, ...]
 
 
-def task(versions: str, function: Callable[..., Any], folder: str, *arguments: Any) -> Any:
+def task(versions: str, function: Callable[..., Value], folder: str, *arguments: Value) -> Value:
     """Does a task, if this process makes the same numbers as the one that asks.
 
     Raises:
@@ -154,7 +159,7 @@ def _gathered(
     return whole
 
 
-def _members(pattern: SymmetricPattern, places: IndexArray) -> NDArray[np.integer[Any]]:
+def _members(pattern: SymmetricPattern, places: IndexArray) -> NDArray[np.signedinteger]:
     """The unknowns of a triangle: its first column has all of them."""
     return pattern.indices[places[: _order(len(places))]]
 

@@ -9,7 +9,8 @@ from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Any
+
+    from obseq.leastsquares.blocks.files import Value
 
 
 class Workers:
@@ -27,8 +28,8 @@ class Workers:
         InputError: it is none of them, or Dask is not installed.
     """
 
-    def __init__(self, client: Any, memory: int | None) -> None:
-        self._ends: list[Any] = []
+    def __init__(self, client: Value, memory: int | None) -> None:
+        self._ends: list[Value] = []
         if isinstance(client, int) and not isinstance(client, bool):
             client = self._started(client, memory)
         elif isinstance(client, str):
@@ -47,11 +48,11 @@ class Workers:
         """How many tasks are given away before one is waited for."""
         return 2 * self.count if self.count else 1
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Value], *arguments: Value) -> Future[Value]:
         """Gives a task away; does it where nobody else is there."""
         if self._executor is not None:
             return self._executor.submit(function, *arguments)
-        done: Future[Any] = Future()
+        done: Future[Value] = Future()
         done.set_result(function(*arguments))
         return done
 
@@ -60,11 +61,11 @@ class Workers:
         while self._ends:
             self._ends.pop().close()
 
-    def _own(self, thing: Any) -> Any:
+    def _own(self, thing: Value) -> Value:
         self._ends.append(thing)
         return thing
 
-    def _started(self, count: int, memory: int | None) -> Any:
+    def _started(self, count: int, memory: int | None) -> Value:
         dask = _dask()
         cluster = dask.LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=memory or 0
@@ -72,7 +73,7 @@ class Workers:
         return self._own(dask.Client(self._own(cluster)))
 
 
-def _dask() -> Any:
+def _dask() -> Value:
     try:
         import distributed
     except ImportError:
