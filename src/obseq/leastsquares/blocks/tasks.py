@@ -159,9 +159,9 @@ def _gathered(
     return whole
 
 
-def _members(pattern: SymmetricPattern, places: IndexArray) -> NDArray[np.signedinteger]:
+def _members(pattern: SymmetricPattern, places: IndexArray) -> IntArray:
     """The unknowns of a triangle: its first column has all of them."""
-    return pattern.indices[places[: _order(len(places))]]
+    return pattern.indices[places[: _order(len(places))]].astype(np.int64)
 
 
 def _order(entries: int) -> int:
