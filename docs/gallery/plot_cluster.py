@@ -13,8 +13,8 @@ import numpy as np
 import obseq
 from obseq.leastsquares import Blocks
 
-places = np.random.default_rng(1).uniform(0.0, 1000.0, (200, 3))
-near = np.linalg.norm(places[:, None] - places, axis=2) < 150.0
+places = np.random.default_rng(1).uniform(0.0, (1000.0, 1000.0, 200.0), (200, 3))
+near = np.linalg.norm(places[:, None] - places, axis=2) < 200.0
 first, second = np.nonzero(np.triu(near, 1))
 lengths = np.linalg.norm(places[first] - places[second], axis=1) + 0.001 * np.sin(first)
 
