@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cosmic_ray.work_item import WorkItem
 
 ROOT = Path(__file__).parents[1]
-TIMEOUT = 120.0
+TIMEOUT = 400.0
 """Seconds after which the tests of a change are stopped: it is killed."""
 
 
