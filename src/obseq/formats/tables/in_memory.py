@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from obseq.errors import InputError
 from obseq.formats.columns import Columns
 from obseq.formats.tables.clusters import Clusters
-from obseq.formats.tables.reader import OF_POINTS, add_observations, points_in
-from obseq.formats.tables.table import Table
+from obseq.formats.tables.reader import add_observations, points_in
+from obseq.formats.tables.table import OF_POINTS, Table
 from obseq.printable import composed
 from obseq.reading.text import TextFile
 from obseq.survey.model import merge_points
