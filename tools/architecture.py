@@ -56,7 +56,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
         "reading",
     ),
     "formats": ("survey", "images", "kernels", "geometry", "crs", "records", "reading"),
-    "joint": ("images", "survey", "diagnosis", "records", "report", "leastsquares", "kernels"),
+    "joint": ("images", "survey", "diagnosis", "records", "report", "leastsquares", "kernels", "crs"),
     "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
     "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry", "reading"),
     "cli": (

@@ -91,7 +91,7 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
 
 def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a plan."""
-    from obseq.cli.plan import exit_code, texts_of
+    from obseq.cli.networks.plan import exit_code, texts_of
     from obseq.report.planned import outcome
 
     record = _read(PlanRecord, plain, arguments)
@@ -103,7 +103,7 @@ def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int
 
 def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a comparison."""
-    from obseq.cli.compare import exit_code, texts_of
+    from obseq.cli.networks.compare import exit_code, texts_of
     from obseq.report.compared import outcome
 
     record = _read(ComparisonRecord, plain, arguments)
