@@ -110,7 +110,7 @@ def test_a_notebook_shows_the_network_and_its_adjustment(adjusted) -> None:
     assert "4 points (2 known), 12 observations" in before
     assert before.count('class="station"') == 2
     after = adjusted._repr_html_()
-    for words in ("too large", "<ellipse", "redundancy", "standardised", "PtC"):
+    for words in ("too large", "<ellipse", "redundancy", "normalised", "PtC"):
         assert words in after
     assert "<script" not in before + after
 
