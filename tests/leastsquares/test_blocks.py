@@ -304,7 +304,7 @@ def test_a_worker_of_another_version_is_told():
 
 
 def test_memory_that_does_not_suffice_is_told():
-    with pytest.raises(InputError, match=r"memory of 10 MB: this process takes .* before the first part"):
+    with pytest.raises(InputError, match=r"memory of 10 MB: this process takes .* beside the parts: give"):
         in_blocks(memory="10 MB")
 
 

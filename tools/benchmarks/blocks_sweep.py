@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ import pytest
 from command import command_line
 
 from obseq.errors import ObseqError
-from obseq.leastsquares import Blocks, LeastSquares, reliability
+from obseq.leastsquares import Blocks, LeastSquares, Reliability, reliability
 from obseq.leastsquares.analysis import Analyses
 
 if TYPE_CHECKING:
@@ -61,7 +61,6 @@ class Sweep:
         self.worst: dict[str, Found] = {name: {} for name in solvers}
         self.beyond: dict[str, list[tuple[str, Found]]] = {name: [] for name in solvers}
         self.counts: Counter[str] = Counter()
-        self.cut: Counter[str] = Counter()
 
     def pytest_runtest_setup(self, item: Any) -> None:
         """Notes the name of a test."""
@@ -72,25 +71,26 @@ class Sweep:
 
         @wraps(solve)
         def wrapped(system: LeastSquares, *args: Any, **options: Any) -> Any:
-            wanted = options.get("covariance") is not None and options["covariance"] is not False
-            if self.is_inside or not wanted or system.unknowns.n_scalars > LARGEST:
-                return solve(system, *args, **options)
-            self.is_inside = True
-            try:
-                start = system.unknowns.state()
-                expected = answers(system, solve, args, options)
-                for name, solver in self.solvers.items():
-                    system.unknowns.restore(start)
-                    system._analyses, kept = Analyses(system.problem, solver, 1), system._analyses
-                    found = answers(system, solve, args, options)
-                    system._analyses = kept
-                    self.compare(name, expected, found)
-                system.unknowns.restore(start)
-                return solve(system, *args, **options)
-            finally:
-                self.is_inside = False
+            is_wanted = options.get("covariance") is not None and options["covariance"] is not False
+            if is_wanted and not self.is_inside and system.unknowns.n_scalars <= LARGEST:
+                self.beside(system, partial(solve, system, *args, **options))
+            return solve(system, *args, **options)
 
         return wrapped
+
+    def beside(self, system: LeastSquares, solve: Callable[[], Any]) -> None:
+        """Solves a system by all solvers, compares, and puts it back where it was."""
+        self.is_inside, start = True, system.unknowns.state()
+        try:
+            expected = answers(system, solve)
+            for name, solver in self.solvers.items():
+                system.unknowns.restore(start)
+                system._analyses, kept = Analyses(system.problem, solver, 1), system._analyses
+                self.compare(name, expected, answers(system, solve))
+                system._analyses = kept
+        finally:
+            system.unknowns.restore(start)
+            self.is_inside = False
 
     def compare(self, name: str, expected: Any, found: Any) -> None:
         """Notes how far two solutions are apart."""
@@ -105,27 +105,38 @@ class Sweep:
         if max(apart.values()) > BOUND:
             self.beyond[name].append((self.test, apart))
 
+    def tell(self) -> None:
+        """Prints the largest differences, and the solutions beyond the bound."""
+        for name, worst in self.worst.items():
+            print(f"{name}: {self.counts[name]} solutions, {len(self.beyond[name])} beyond {BOUND:g}")
+            print("    largest differences:", rounded(worst))
+            for test, apart in self.beyond[name]:
+                print("   ", test, rounded(apart))
 
-def answers(system: LeastSquares, solve: Callable[..., Any], args: Any, options: Any) -> Any:
+
+def rounded(apart: Found) -> dict[str, str]:
+    """Differences in two digits."""
+    return {key: f"{value:.1e}" for key, value in apart.items()}
+
+
+def answers(system: LeastSquares, solve: Callable[[], Any]) -> Any:
     """What a solution gives; the error that it ends with."""
     try:
-        result = solve(system, *args, **options)
+        result = solve()
         if not result.has_covariances:
             return "no covariances"
         quality = reliability(system, result) if result.redundancy > 0 else None
     except ObseqError as error:
         return type(error).__name__
-    found = {
-        "unknowns": result.state.values.copy(),
-        "variances": result.cofactors.variances(),
-        "iterations": np.array([float(len(result.iterations))]),
-    }
-    if quality is not None:
-        inner = [one.redundancy.ravel() for one in quality.all]
-        found["redundancies"] = np.concatenate(inner)
-        seen = found["redundancies"] > 1e-6
-        found["tests"] = np.where(seen, np.concatenate([one.w.ravel() for one in quality.all]), np.nan)
-    return found
+    numbers = {"unknowns": result.state.values.copy(), "variances": result.cofactors.variances()}
+    return numbers if quality is None else numbers | tests_of(quality)
+
+
+def tests_of(quality: Reliability) -> dict[str, Any]:
+    """Redundancies and tests of all equations; no tests where next to nothing controls them."""
+    redundancies = np.concatenate([one.redundancy.ravel() for one in quality.all])
+    tests = np.concatenate([one.w.ravel() for one in quality.all])
+    return {"redundancies": redundancies, "tests": np.where(redundancies > 1e-6, tests, np.nan)}
 
 
 def distance(key: str, expected: Any, found: Any) -> float:
@@ -152,11 +163,7 @@ def main() -> None:
     sweep = Sweep({"dense": "dense", "supernodal": "supernodal", **blocks})
     LeastSquares.solve = sweep.solving(LeastSquares.solve)  # type: ignore[method-assign]
     code = pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", *options.tests], plugins=[sweep])
-    for name, worst in sweep.worst.items():
-        print(f"{name}: {sweep.counts[name]} solutions, {len(sweep.beyond[name])} beyond {BOUND:g}")
-        print("    largest differences:", {key: f"{value:.1e}" for key, value in worst.items()})
-        for test, apart in sweep.beyond[name]:
-            print("   ", test, {key: f"{value:.1e}" for key, value in apart.items()})
+    sweep.tell()
     for one in blocks.values():
         one.close()
     sys.exit(int(code))
