@@ -21,7 +21,11 @@ LIBRARY = (
     (r"EqColinearityCamPPC_.*Backward.*", "images/camera.py", f"{BLOCKS}: image points, inverse distortion"),
     (r"EqColinearityRolling_.*", "images/adjustment/equations.py", f"{BLOCKS}: shutters that roll"),
     (r"AntennaPosition", "images/adjustment/reference_equations.py", f"{BLOCKS}: positions of an antenna"),
-    (r"Clino_0_3|VNormOrthog", "images/adjustment/reference_equations.py", f"{BLOCKS}: clinometers"),
+    (
+        r"Clino_0_3|ClinoNeedle|VNormOrthog",
+        "images/adjustment/reference_equations.py",
+        f"{BLOCKS}: clinometers",
+    ),
     (r"BlocRigid|RigidPair|KnownRotation", "images/adjustment/rigid_equations.py", f"{BLOCKS}: rigid blocks"),
     (r"Dist3D", "images/adjustment/equations.py", f"{BLOCKS}: scale bars"),
     (r"DeformImHomography", "targets/measuring.py", "coded targets: their centres in images"),
@@ -46,7 +50,8 @@ KERNELS = (
         r"BlocRigid_RE",
         "`BlocRigid` with the block's frame in its first camera; `RigidPair` says it in 6 residuals",
     ),
-    (r"ClinoBloc|ClinoRot", "clinometers as the original had them before `Clino_0_3`"),
+    (r"ClinoBloc", "two residuals of one reading; `ClinoNeedle` says it in one"),
+    (r"ClinoRot", "the original keeps two clinometers together with it, to 40 degrees"),
     (r"BunleElem_.*", "two or three images without control; `resection` and `initialise` place them"),
     (
         r"cFormula_EqColinearity.*",
