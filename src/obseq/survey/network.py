@@ -27,7 +27,6 @@ from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
-from obseq.survey.adjustment.plotting import network_html, network_text
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.assembling import deflected, in_frame
 from obseq.survey.by_name import robust
@@ -247,9 +246,13 @@ class Network(Edited):
         return replace(self, points=points, book=self.book.warned(*warning))
 
     def __repr__(self) -> str:
+        from obseq.survey.adjustment.plotting import network_text
+
         return f"Network: {network_text(self.points, self.book, self.frame)}"
 
     def _repr_html_(self) -> str:
+        from obseq.survey.adjustment.plotting import network_html
+
         return network_html(self.points, self.book, self.frame)
 
     @classmethod
