@@ -270,9 +270,7 @@ class Block(References):
 
     def add_clinometer(self, clinometer: Clinometer) -> None:
         """Adds a clinometer that a camera carries; `add_inclinations` says what it read."""
-        if clinometer.name in (known.name for known in self.instruments.clinometers):
-            raise InputError(f"clinometer {clinometer.name!r} is given twice")
-        self.instruments.clinometers.append(clinometer)
+        self.instruments.carry(self.instruments.clinometers, clinometer)
 
     def add_inclinations(
         self, clinometer: str, images: Sequence[str], angles: ArrayLike, sigmas: ArrayLike
@@ -286,9 +284,7 @@ class Block(References):
 
     def add_pendulum(self, pendulum: Pendulum) -> None:
         """Adds a pendulum that a camera carries; `add_needles` says what it read."""
-        if pendulum.name in (known.name for known in self.instruments.pendulums):
-            raise InputError(f"pendulum {pendulum.name!r} is given twice")
-        self.instruments.pendulums.append(pendulum)
+        self.instruments.carry(self.instruments.pendulums, pendulum)
 
     def add_needles(self, pendulum: str, images: Sequence[str], angles: ArrayLike, sigmas: ArrayLike) -> None:
         """Adds readings of a pendulum (radians, from its x towards its y), each with the image taken then."""

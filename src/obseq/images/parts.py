@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -162,6 +162,16 @@ class Instruments:
     vertical: tuple[float, float, float] = (0.0, 0.0, 1.0)
     vertical_is_free: bool = False
 
+    def carry(self, carried: list[Carried], new: Carried) -> None:
+        """Puts a clinometer, or a pendulum, to those that cameras carry; their names differ.
+
+        Raises:
+            InputError: there is one of this name.
+        """
+        if new.name in [item.name for item in self.clinometers] + [item.name for item in self.pendulums]:
+            raise InputError(f"clinometer {new.name!r} is given twice")
+        carried.append(new)
+
     @property
     def are_read(self) -> bool:
         """Whether anything refers to the vertical."""
@@ -259,6 +269,9 @@ class Clinometer:
                 f"clinometer {self.name}: free degrees are among 0 to 3, not {self.free_degrees}"
             )
         object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
+
+
+Carried = TypeVar("Carried", "Clinometer", "Pendulum")
 
 
 @dataclass(frozen=True, eq=False)
