@@ -84,14 +84,14 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     "leastsquares": {
         "loops": (),
         "solvers": (),
+        "blocks": ("solvers",),
         "problem": (),
         "diagnosis": ("problem", "solvers"),
         "assembly": ("diagnosis", "loops", "problem", "solvers"),
         "solution": ("problem", "solvers"),
         "iterations": ("solution", "assembly", "diagnosis", "problem", "solvers"),
-        "analysis": ("iterations", "solution", "assembly", "diagnosis", "problem", "solvers"),
-        "system": ("analysis", "iterations", "solution", "assembly", "problem"),
-        "helmert": ("system", "assembly", "diagnosis", "problem", "solvers"),
+        "analysis": ("iterations", "solution", "assembly", "diagnosis", "problem", "blocks", "solvers"),
+        "system": ("analysis", "blocks", "iterations", "solution", "assembly", "problem"),
         "statistics": ("system", "solution", "assembly", "loops", "problem", "solvers"),
     },
     "survey": {

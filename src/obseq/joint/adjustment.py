@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from obseq.images import BundleAdjustment
     from obseq.joint.named import NamedEquation
     from obseq.kernels.loading import Kernel
-    from obseq.leastsquares import Batch, Iteration, Loss
+    from obseq.leastsquares import Batch, Blocks, Iteration, Loss
     from obseq.leastsquares.iterations.strategies import Strategy
     from obseq.leastsquares.problem.priors import Prior
     from obseq.survey import InitialValues, Network
@@ -210,6 +210,7 @@ class Adjustment:
         strategy: str | Strategy = "levenberg-marquardt",
         threads: int = 1,
         progress: Callable[[Iteration], None] | None = None,
+        blocks: Blocks | None = None,
     ) -> JointSolution:
         """Adjusts everything; this object stays as it is.
 
@@ -220,12 +221,13 @@ class Adjustment:
             strategy: see `obseq.LeastSquares.solve`.
             threads: how many share the work.
             progress: receives the record of each iteration.
+            blocks: how it is solved in blocks, with little memory or by many workers; None for at once.
 
         Raises:
             InputError: A name is that of nothing, or nothing gives a point its place.
             SingularSystemError: Some unknowns are not determined; they are named.
         """
-        system = LeastSquares(threads=threads)
+        system = LeastSquares(blocks or "auto", threads)
         images, networks = self._images(system)
         initial = images[1] if images else [self._placed(network).initial_values() for network in networks]
         part = images[0] if images else None

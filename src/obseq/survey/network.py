@@ -23,6 +23,7 @@ from obseq.arguments import (
 )
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, noting
+from obseq.leastsquares import Blocks
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
@@ -325,6 +326,7 @@ class Network(Edited):
         datum=instance(Datum) | TEXT | NOTHING,
         strategy=TEXT,
         loss=TEXT | NOTHING,
+        blocks=instance(Blocks) | NOTHING,
     )
     def adjust(
         self,
@@ -338,6 +340,7 @@ class Network(Edited):
         datum: Datum | str | None = None,
         strategy: str = "controlled",
         loss: str | None = None,
+        blocks: Blocks | None = None,
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -357,6 +360,7 @@ class Network(Edited):
                 the known coordinates.
             strategy: How the iterations move; see `obseq.LeastSquares.solve`.
             loss: "huber", "l1", "cauchy" or "tukey" for robust weights.
+            blocks: How it is solved in blocks, with little memory or by many workers; None for at once.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
@@ -374,6 +378,7 @@ class Network(Edited):
             watch,
             quality,
             strategy=strategy,
+            blocks=blocks,
         )
 
         def adjusted(book: FieldBook) -> Adjustment:

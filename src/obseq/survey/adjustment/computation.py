@@ -29,7 +29,7 @@ from obseq.survey.initial.left_out import Determined, leave_out
 if TYPE_CHECKING:
     from obseq import crs
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares import Blocks, LeastSquaresResult
     from obseq.records.adjustment import DoubtfulRecord
     from obseq.stopwatch import Stopwatch
     from obseq.survey.equations.equations import Equations
@@ -38,11 +38,15 @@ if TYPE_CHECKING:
     from obseq.survey.model import Points
 
 
-def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equations:
-    """The equations of what is determined, in a frame."""
+def equations_of(
+    frame: Frame, system: PointSystem, start: Determined, blocks: Blocks | None = None
+) -> Equations:
+    """The equations of what is determined, in a frame; solved in blocks, or at once when None."""
+    from obseq.leastsquares import LeastSquares
     from obseq.survey.equations.equations import Equations
 
-    return Equations(frame, system, start.points, start.book, start.initial)
+    solved = LeastSquares(blocks or "auto")
+    return Equations(frame, system, start.points, start.book, start.initial, solved)
 
 
 def replaced_coordinates(
@@ -86,6 +90,7 @@ class Computation:
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
         strategy: How the iterations move.
+        blocks: How it is solved in blocks; None for at once.
     """
 
     frame: Frame
@@ -96,6 +101,7 @@ class Computation:
     watch: Stopwatch
     quality: Quality
     strategy: str = "controlled"
+    blocks: Blocks | None = None
 
     def plain(self) -> Computation:
         """The same with nothing beside residuals and precisions."""
@@ -176,7 +182,7 @@ class Computation:
 
     def _equations(self, start: Determined) -> Equations:
         with self.watch.phase("equations"):
-            return equations_of(self.frame, self.point_system, start)
+            return equations_of(self.frame, self.point_system, start, self.blocks)
 
     def _was_determined(self, start: Determined, error: ObseqError) -> bool:
         """Whether what an error names was determined where the iterations started: they have gone astray."""
@@ -219,7 +225,9 @@ class Computation:
         """The adjustment with precisions of inner constraints; with a warning where there are none."""
         in_frame = PointSystem(self.frame.system, self.frame.system)
         try:
-            found = inner_covariances(partial(equations_of, self.frame, in_frame), start, equations)
+            found = inner_covariances(
+                partial(equations_of, self.frame, in_frame, blocks=self.blocks), start, equations
+            )
         except SingularSystemError as error:
             return replace(adjustment, warnings=(*adjustment.warnings, str(error)))
         return adjustment.with_inner(found)
