@@ -28,7 +28,7 @@ LIBRARY = (
     ),
     (r"BlocRigid|RigidPair|KnownRotation", "images/adjustment/rigid_equations.py", f"{BLOCKS}: rigid blocks"),
     (r"Dist3D", "images/adjustment/equations.py", f"{BLOCKS}: scale bars"),
-    (r"DeformImHomography", "targets/measuring.py", "coded targets: their centres in images"),
+    (r"DeformImHomography", "targets/finding/measuring.py", "coded targets: their centres in images"),
     (r"Dir_.*", "images/camera.py", "cameras: directions to pixels"),
     (r"Inv_.*", "images/camera.py", "cameras: pixels to directions"),
     (r"EqDist_.*", "images/camera.py", "cameras: the distortion as a mapping"),
