@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.formats.dynadjust.dna import SECOND
 from obseq.formats.dynadjust.records import (
     ANGLES,
     GEOGRAPHIC,
@@ -22,6 +21,7 @@ from obseq.formats.dynadjust.records import (
     decimal_year,
     radians_of_packed,
 )
+from obseq.reading.angles import SECOND
 from obseq.reading.text import quoted
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.formats.fieldbooks.units import dms
+from obseq.reading.angles import dms
 from obseq.reading.text import quoted
 from obseq.records.shown_units import ShownUnits, length_named
 
