@@ -9,9 +9,11 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
+from typing import IO, TypeAlias
 
 from obseq.errors import InputError
 
@@ -46,12 +48,16 @@ def check_writable(outputs: Iterable[Path], inputs: Iterable[Path] = ()) -> None
         _check(path)
 
 
-def write_all(texts: Mapping[Path, str | bytes]) -> None:
+Content: TypeAlias = str | bytes | Callable[[IO[bytes]], None]
+"""Of a file: a text, bytes, or what writes it."""
+
+
+def write_all(texts: Mapping[Path, Content]) -> None:
     """Write all the files or none: each is written beside its place, then they replace what was there.
 
-    Texts are written in UTF-8 as they are, bytes too. A file that is replaced hands its permissions on. What
-    killed runs left behind for the same files is deleted. An interruption while files are being replaced
-    waits until all are.
+    Texts are written in UTF-8 as they are, bytes too; what is too long for memory, a function writes. A file
+    that is replaced hands its permissions on. What killed runs left behind for the same files is deleted. An
+    interruption while files are being replaced waits until all are.
 
     Raises:
         InputError: A file cannot be written (a full disk, for instance).
@@ -125,8 +131,12 @@ def _is_stream(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
-def _encoded(text: str | bytes) -> bytes:
-    return text.encode("utf-8") if isinstance(text, str) else text
+def _encoded(content: Content) -> bytes:
+    if callable(content):
+        held = BytesIO()
+        content(held)
+        return held.getvalue()
+    return content.encode("utf-8") if isinstance(content, str) else content
 
 
 def _print(data: bytes) -> None:
@@ -135,7 +145,7 @@ def _print(data: bytes) -> None:
     sys.stdout.flush()
 
 
-def _pour(stream: Path, text: str | bytes) -> None:
+def _pour(stream: Path, text: Content) -> None:
     """The text into something that is no file on a disk."""
     try:
         stream.write_bytes(_encoded(text))
@@ -143,10 +153,13 @@ def _pour(stream: Path, text: str | bytes) -> None:
         raise OSError(error.errno, error.strerror, str(stream)) from error
 
 
-def _write(temporary: Path, text: str | bytes, target: Path) -> None:
+def _write(temporary: Path, text: Content, target: Path) -> None:
     """The text on the disk, with the owner and the permissions of the file that it will replace."""
     with temporary.open("wb") as file:
-        file.write(_encoded(text))
+        if callable(text):
+            text(file)
+        else:
+            file.write(_encoded(text))
         file.flush()
         os.fsync(file.fileno())
     if target.exists():

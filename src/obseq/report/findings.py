@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
+    from obseq.records.rows import Rows
 
 POOR = 0.1
 """Redundancy below which an observation is hardly checked: most of an error goes into the result."""
@@ -27,7 +28,7 @@ def sight(row: ObservationRecord) -> str:
     return name(f"{row.type} {row.origin} \u2192 {row.target}")
 
 
-def weakest(points: tuple[PointRecord, ...]) -> tuple[int, float] | None:
+def weakest(points: Rows[PointRecord]) -> tuple[int, float] | None:
     """The point known worst, and how well it is known (m); None where no precision is known."""
     sizes = [(found, k) for k, point in enumerate(points) if (found := spread(point)) is not None]
     return max(sizes)[::-1] if sizes else None
