@@ -89,16 +89,16 @@ LOOPS = {
         "gather_vertices",
         "visit_children_first",
     ),
-    "obseq.targets.detection": (
+    "obseq.targets.finding.detection": (
         "discs",
         "halved",
         "saddle_strength",
         "saddles",
         "smooth",
     ),
-    "obseq.targets.light_spots": ("above_mean", "spots", "stand_out"),
-    "obseq.targets.painting": ("bit_sums", "paint", "paint_places", "smooth_table"),
-    "obseq.targets.rendering": ("layers", "observe", "render", "spread"),
+    "obseq.targets.finding.light_spots": ("above_mean", "spots", "stand_out"),
+    "obseq.targets.drawing.painting": ("bit_sums", "paint", "paint_places", "smooth_table"),
+    "obseq.targets.drawing.rendering": ("layers", "observe", "render", "spread"),
 }
 """Every loop that Python calls; the others are parts of them."""
 

@@ -171,7 +171,7 @@ def test_an_unknown_coordinate_system_is_named(frame: str, site: Path, capsys) -
 
 def test_options_that_lack_another_one_are_refused(site: Path, capsys) -> None:
     assert_refused(site, capsys, "--snooping-level goes with --snooping", "--snooping-level", "0.1")
-    assert main(["adjust", "site.obs"]) == 2
+    assert main(["adjust", "site.cor"]) == 2
     assert "Files of observations and of points" in capsys.readouterr().err
 
 

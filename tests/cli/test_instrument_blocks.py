@@ -10,11 +10,11 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.project.cameras import read_orientation
 from obseq.project.contents import contents
-from obseq.project.instrument_blocks import read_instrument_block
-from obseq.project.instrument_making import axis_of
+from obseq.project.instruments.blocks import read_instrument_block
+from obseq.project.instruments.making import axis_of
+from obseq.project.instruments.rigid_blocks import pose_tree, read_block
 from obseq.project.layout import ProjectTree
 from obseq.project.options.bundle_options import ClinometerOptions, parse_options
-from obseq.project.rigid_blocks import pose_tree, read_block
 from obseq.project.tree import data_text, read_tree, tree_text
 
 CAMERA = """\

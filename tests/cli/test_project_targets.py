@@ -11,9 +11,9 @@ from obseq.project import points_text, read_image_measures, write_orientation
 from obseq.project.tree import read_tree, tree_text
 from obseq.targets import Conditions, Scene, made, photograph, random_sheets
 from obseq.targets.circles import radii_of, refined
+from obseq.targets.finding.rings import fitted_ellipse
 from obseq.targets.measures import Measure, mmvii_text, read_ellipses, read_mmvii
 from obseq.targets.pictures import png_bytes
-from obseq.targets.rings import fitted_ellipse
 
 TREE = Path("MMVII-PhgrProj")
 CAMERA = Camera("C1", 480, 400, 700.0, [239.5, 199.5])  # type: ignore[arg-type]

@@ -60,7 +60,7 @@ print(tiles.reshape(4, 40)[:, :3])
 """
 SPOTS = """
 import numpy as np
-from obseq.targets.light_spots import stand_out
+from obseq.targets.finding.light_spots import stand_out
 rows, columns = np.mgrid[0:24.0, 0:24.0]
 image, levels = np.exp(-((columns - 11.3) ** 2 + (rows - 12.6) ** 2) / 18.0), np.empty((1, 2))
 stand_out(image, np.array([[11.3, 12.6, 4.0, 0.5, 3.0, 40.0]]), levels)

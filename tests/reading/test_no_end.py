@@ -86,7 +86,7 @@ def test_a_socket_and_a_large_file_are_refused(tmp_path: Path) -> None:
         read_bytes(tmp_path / "f", 2 << 20)
 
 
-OWN = {"cli/project_imports.py", "survey/maps.py", "report/page.py"}
+OWN = {"cli/mmvii/project_imports.py", "survey/maps.py", "report/page.py"}
 """What they read is theirs: written by themselves just before, or part of the package."""
 
 

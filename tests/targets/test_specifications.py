@@ -20,8 +20,8 @@ from obseq.targets import (
     specification_text,
     svg_text,
 )
-from obseq.targets.drawings import bit_centres
-from obseq.targets.sheets import outline
+from obseq.targets.drawing.drawings import bit_centres
+from obseq.targets.drawing.sheets import outline
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "targets" / "specs"
 FULL = sorted(DATA.glob("*_FullSpecif.xml"))

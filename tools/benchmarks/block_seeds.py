@@ -41,9 +41,9 @@ from obseq.project import (
     read_v1_block,
     rules_text,
 )
-from obseq.project.instrument_blocks import read_clinometer_readings, read_instrument_block
+from obseq.project.instruments.blocks import read_clinometer_readings, read_instrument_block
+from obseq.project.instruments.rigid_blocks import pose_tree
 from obseq.project.metadata import Rules
-from obseq.project.rigid_blocks import pose_tree
 from obseq.project.tie_points import read_pairs
 from obseq.project.tree import data_text, tree_text
 

@@ -10,21 +10,25 @@ from obseq.version import __version__
 MMVII = "MMVII"
 GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
     "Start": {"demo": ("demo",), "open_page": ("open",), "topics": ("help",)},
-    "Networks": {"adjust": ("adjust",), "plan": ("plan", "simulate"), "compare": ("compare",)},
+    "Networks": {
+        "networks.adjust": ("adjust",),
+        "networks.plan": ("plan", "simulate"),
+        "networks.compare": ("compare",),
+    },
     "Images": {
-        "bundle": ("bundle",),
-        "satellite": ("satellite",),
-        "targets": ("targets",),
-        "aerial": ("image-world", "world-image", "intersect", "resect"),
-        "epipolar": ("epipolar",),
+        "images.bundle": ("bundle",),
+        "images.satellite": ("satellite",),
+        "images.targets": ("targets",),
+        "images.aerial": ("image-world", "world-image", "intersect", "resect"),
+        "images.epipolar": ("epipolar",),
     },
     "Files": {"report": ("report",), "convert": ("convert",)},
     MMVII: {
-        "topo_adjust": ("topo-adjust",),
-        "bundle_adjust": ("bundle-adjust",),
-        "mmvii": ("mmvii",),
-        "project_imports": ("edit-metadata", "import-gcp", "import-obs"),
-        "project": (
+        "mmvii.topo_adjust": ("topo-adjust",),
+        "mmvii.bundle_adjust": ("bundle-adjust",),
+        "mmvii.spelled": ("mmvii",),
+        "mmvii.project_imports": ("edit-metadata", "import-gcp", "import-obs"),
+        "mmvii.project": (
             "create-calib",
             "check-gcp-distribution",
             "resection",
@@ -34,8 +38,18 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
             "project-contents",
             "change-sysco",
         ),
-        "project_targets": ("extract-targets", "simulate-targets", "complete-targets", "refine-circles"),
-        "project_instruments": ("import-clinometers", "edit-instruments", "init-cameras", "init-clinometers"),
+        "mmvii.project_targets": (
+            "extract-targets",
+            "simulate-targets",
+            "complete-targets",
+            "refine-circles",
+        ),
+        "mmvii.project_instruments": (
+            "import-clinometers",
+            "edit-instruments",
+            "init-cameras",
+            "init-clinometers",
+        ),
     },
     "Checks": {
         "causes": ("causes",),

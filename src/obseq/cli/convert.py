@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from obseq.cli.network_files import add_network_arguments, source_of
+from obseq.cli.networks.network_files import add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, positive_number
 from obseq.errors import InputError
 from obseq.writing import check_writable, write_all

@@ -4,8 +4,8 @@ import argparse
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from obseq.cli.adjust import Request, adjust
-from obseq.cli.network_files import Source
+from obseq.cli.networks.adjust import Request, adjust
+from obseq.cli.networks.network_files import Source
 from obseq.cli.parsing import Commands, add_command
 from obseq.cli.results import outputs_in
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from obseq.cli.commands import parser
 from obseq.cli.guard import guarded
-from obseq.cli.mmvii import as_mmvii
+from obseq.cli.mmvii.spelled import as_mmvii
 from obseq.cli.parsing import CommandParser
 from obseq.cli.topics import instead
 

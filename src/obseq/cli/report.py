@@ -88,7 +88,7 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
 
 def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a plan."""
-    from obseq.cli.plan import exit_code, texts_of
+    from obseq.cli.networks.plan import exit_code, texts_of
     from obseq.report.planning import plan_summary
 
     record = _read(PlanRecord, plain, arguments)
@@ -99,7 +99,7 @@ def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int
 
 def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a comparison."""
-    from obseq.cli.compare import reasons_of, texts_of
+    from obseq.cli.networks.compare import reasons_of, texts_of
     from obseq.report.comparison import comparison_summary
 
     record = _read(ComparisonRecord, plain, arguments)

@@ -54,7 +54,7 @@ def _formats() -> str:
 
 def _mmvii() -> str:
     """The commands on projects of MMVII, and its own words for them."""
-    from obseq.cli.mmvii import listing
+    from obseq.cli.mmvii.spelled import listing
 
     lines = [f"  {name:<24} {purpose}" for name, purpose in parser().purposes(MMVII).items()]
     told = listing().replace("\n", "\n  ").rstrip()

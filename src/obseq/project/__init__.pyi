@@ -5,6 +5,9 @@ from .cameras import read_calibration as read_calibration
 from .cameras import read_orientation as read_orientation
 from .cameras import read_pose as read_pose
 from .cameras import write_orientation as write_orientation
+from .instruments.rigid_blocks import BlockFile as BlockFile
+from .instruments.rigid_blocks import block_text as block_text
+from .instruments.rigid_blocks import read_block as read_block
 from .layout import ProjectTree as ProjectTree
 from .metadata import Rules as Rules
 from .metadata import chosen as chosen
@@ -22,9 +25,6 @@ from .points import read_control_points as read_control_points
 from .points import read_image_measures as read_image_measures
 from .points import read_system as read_system
 from .points import system_text as system_text
-from .rigid_blocks import BlockFile as BlockFile
-from .rigid_blocks import block_text as block_text
-from .rigid_blocks import read_block as read_block
 from .tie_points import find_pairs as find_pairs
 from .tie_points import pairs_text as pairs_text
 from .tie_points import read_pairs as read_pairs

@@ -12,12 +12,12 @@ from obseq.errors import InputError
 from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighting
 from obseq.images.names import are_among
 from obseq.project.cameras import read_orientation
-from obseq.project.instrument_blocks import FILE, read_instrument_block
-from obseq.project.instrument_joining import ENTRIES, add_instruments
+from obseq.project.instruments.blocks import FILE, read_instrument_block
+from obseq.project.instruments.joining import ENTRIES, add_instruments
+from obseq.project.instruments.rigid_blocks import read_block
 from obseq.project.metadata import chosen
 from obseq.project.networks import control_of, network_of, survey_points
 from obseq.project.points import differ, read_image_measures, read_system, require_one
-from obseq.project.rigid_blocks import read_block
 from obseq.project.tie_points import read_tracks
 from obseq.project.topo import read_topo
 from obseq.project.tree import files_in

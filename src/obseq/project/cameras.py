@@ -11,7 +11,7 @@ from obseq.errors import InputError
 from obseq.geometry import RigidMotion, attitudes
 from obseq.images import Camera, Poses
 from obseq.images.names import unique_names
-from obseq.project.rigid_blocks import is_rotation
+from obseq.project.instruments.rigid_blocks import is_rotation
 from obseq.project.tree import Reader, file_in, files_in, merged, read_tree, tree_text
 from obseq.writing import write_all
 

@@ -12,12 +12,12 @@ from obseq.dataclass import dataclass
 from obseq.images import ControlPoints
 from obseq.project.assembly import block_files, instrument_file
 from obseq.project.cameras import orientation_files
-from obseq.project.instrument_blocks import read_instrument_block
-from obseq.project.instrument_joining import ENTRIES
+from obseq.project.instruments.blocks import read_instrument_block
+from obseq.project.instruments.joining import ENTRIES
+from obseq.project.instruments.rigid_blocks import block_text, pose_tree, read_block
 from obseq.project.layout import MEASURES
 from obseq.project.networks import adjusted_sets, control_of
 from obseq.project.points import NO_SYSTEM, measure_copies, read_system, system_text
-from obseq.project.rigid_blocks import block_text, pose_tree, read_block
 from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
 from obseq.project.tree import data_text
 from obseq.survey import automatic_fix
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from obseq.images.rigid import Sigmas
-    from obseq.project.instrument_blocks import InstrumentBlock
+    from obseq.project.instruments.blocks import InstrumentBlock
     from obseq.project.tree import Tree
 
 

@@ -110,7 +110,7 @@ class Network(Edited):
     def read(
         cls,
         observation_files: str | Path | Sequence[str | Path],
-        point_files: str | Path | Sequence[str | Path],
+        point_files: str | Path | Sequence[str | Path] = (),
         frame: str | None = None,
         points_crs: str | None = None,
         point_sigma: float | None = None,
@@ -128,7 +128,8 @@ class Network(Edited):
 
         Args:
             observation_files: OBS files; each starts afresh, their observations are put together.
-            point_files: COR files, tables of points (.csv), or files of another format (`point_format`).
+            point_files: COR files, tables of points (.csv), or files of another format (`point_format`);
+                without any the network is placed in a frame of its own.
             frame: Definition of the computation frame; without it a plane with heights, or a local tangent
                 frame at the mean of the known points when their system is given. A bare `RTL` takes its
                 origin from the mean of the points.

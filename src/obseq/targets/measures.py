@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, FloatRows
     from obseq.project.tree import Tree
-    from obseq.targets.finding import Found, Target
+    from obseq.targets.finding.finder import Found, Target
     from obseq.targets.simulation import Truth
     from obseq.targets.specification import Specification
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.targets.drawings import figure_of, inked_bits
-from obseq.targets.legend import legend_places
-from obseq.targets.painting import paint_places
+from obseq.targets.drawing.drawings import figure_of, inked_bits
+from obseq.targets.drawing.legend import legend_places
+from obseq.targets.drawing.painting import paint_places
 from obseq.targets.specification import extent
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from obseq.errors import InputError
 from obseq.project.tree import Reader, read_tree, root_of, tree_text
 from obseq.reading.text import read_bytes
 from obseq.targets.codes import bits_of, members
-from obseq.targets.drawings import bit_centres, centre, corners
+from obseq.targets.drawing.drawings import bit_centres, centre, corners
 from obseq.targets.families import family
 from obseq.targets.specification import Geometry, Specification
 

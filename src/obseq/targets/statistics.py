@@ -13,7 +13,7 @@ from obseq.dataclass import dataclass
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from obseq.targets.finding import Found, Target
+    from obseq.targets.finding.finder import Found, Target
     from obseq.targets.simulation import Truth
 
 SIZES = (0.0, 20.0, 30.0, 45.0, 70.0, 120.0, math.inf)

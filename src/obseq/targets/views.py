@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.printable import printable_line
-from obseq.targets.legend import dots
-from obseq.targets.levels import sampled
+from obseq.targets.drawing.legend import dots
+from obseq.targets.finding.levels import sampled
 from obseq.targets.measures import named
 from obseq.targets.pictures import png_bytes
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from obseq.arrays import Array, FloatArray
-    from obseq.targets.finding import Found, Target
+    from obseq.targets.finding.finder import Found, Target
 
 GREEN, ORANGE, RED = (0, 200, 0), (255, 150, 0), (230, 0, 0)
 CUT = 96

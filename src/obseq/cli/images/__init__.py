@@ -1,0 +1,1 @@
+"""Commands on images: blocks, satellites, targets, aerial geometry, epipolar residuals."""

@@ -1,0 +1,306 @@
+"""`obseq bundle`: a block of images from tables, or from the files of other programs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from msgspec import structs
+
+from obseq.boundary import Boundary
+from obseq.cli.images.bundle_sources import DATUMS, add_sources, inputs, read_block
+from obseq.cli.parsing import (
+    Commands,
+    add_command,
+    add_iterations,
+    output_file,
+    positive_integer,
+    positive_number,
+    say,
+)
+from obseq.cli.progress import Progress
+from obseq.cli.results import INCOMPLETE, add_quiet, print_verdict
+from obseq.errors import ObseqError, noting
+from obseq.formats.blocks.catalogue import WRITERS
+from obseq.printable import printable
+from obseq.records.shown_units import METRIC
+from obseq.writing import SECOND, check_writable, write_all
+
+if TYPE_CHECKING:
+    Options = dict[str, Any]
+    from collections.abc import Callable, Mapping
+
+    from obseq.formats.blocks.catalogue import BlockWriter
+    from obseq.images import BundleAdjustment, BundleSolution
+    from obseq.images.output.block_record import BundleRecord
+    from obseq.images.poses import Poses
+
+MORE = """
+A block is given by tables with a line of column names (cameras, images with or without poses,
+control points, image measures), or by one file of another program. Images without a pose are
+placed by resection, or from their neighbours. With --obs and --cor, survey observations join the
+same adjustment."""
+
+EXAMPLE = """\
+examples:
+  obseq bundle --cameras cameras.csv --images images.csv --control control.csv \\
+      --measures measures.csv --image-sigma 0.5 --out results
+  obseq bundle --bal problem.txt --datum centres --ply block.ply
+  obseq bundle --colmap sparse/0 --control control.csv --out results
+
+columns (commas or blanks, any order; # begins a comment):
+  cameras   name width height focal [ppx ppy K1 K2 K3 p1 p2 b1 b2 ...]       pixels
+  images    image camera [x y z omega phi kappa]   degrees; or w p k, yaw pitch roll, qw qx qy qz
+  control   point x y z [sigma, or sx sy sz]       0: held; empty: free
+  measures  image point x y [sigma, or sx sy, sxy]      pixels"""
+
+EXITS = """\
+exit code: 0 adjusted, also where the test of sigma0 fails and the diagnosis accepts the residuals; 1 not
+converged, something left out, an error suspected, residuals that nothing explains, or half of the measures
+of the block, of an image or of a point rejected; 2 could not run"""
+
+COMMON = (
+    *(
+        "help",
+        "help_all",
+        "cameras",
+        "images",
+        "control",
+        "measures",
+        "obs",
+        "cor",
+        "colmap",
+        "metashape",
+    ),
+    *("image_sigma", "control_sigma", "freeze", "datum", "out", "quiet", "verbose", "show"),
+)
+"""What most users need."""
+
+FILES = {
+    "json": ("bundle.json", "every result at full precision"),
+    "ply": ("block.ply", "points and cameras for a viewer"),
+    "poses": ("poses.csv", "adjusted images, in the form of --images"),
+    "interior": ("cameras.csv", "adjusted cameras, in the form of --cameras"),
+    "points": ("points.csv", "adjusted points with their sigmas"),
+    "checks": ("checks.csv", "check points: adjusted minus given, with sigmas"),
+    "text": ("bundle.txt", "what is printed"),
+    "html": ("bundle.html", "a page with drawings: views, residuals, calibrations"),
+}
+
+
+def register(commands: Commands) -> None:
+    """Add the command to the parser."""
+    purpose = "adjust a block of images"
+    command = add_command(commands, "bundle", run, purpose, MORE, EXAMPLE, exits=EXITS, common=COMMON)
+    add_sources(command)
+    _add_computation(command)
+    results = command.add_argument_group("results")
+    names = ", ".join(name for name, _ in FILES.values())
+    results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
+    add_quiet(results)
+    for option, (_, purpose) in FILES.items():
+        results.add_argument(f"--{option}", type=output_file, metavar="FILE", help=purpose)
+    for writer in WRITERS:
+        results.add_argument(f"--{writer.option}", type=Path, metavar=writer.takes, help=writer.holds)
+
+
+def _add_computation(command: argparse.ArgumentParser) -> None:
+    computation = command.add_argument_group("computation")
+    computation.add_argument(
+        "--image-sigma", type=positive_number, metavar="PX", help="sigma of measures whose table gives none"
+    )
+    computation.add_argument(
+        "--control-sigma",
+        type=positive_number,
+        metavar="S",
+        help="sigma of control points whose table gives none",
+    )
+    computation.add_argument(
+        "--attenuation",
+        type=positive_number,
+        metavar="PX",
+        help="robust weights: a measure with this residual has half of its weight (needs --image-sigma)",
+    )
+    computation.add_argument(
+        "--threshold", type=positive_number, metavar="PX", help="measures beyond have no weight"
+    )
+    computation.add_argument(
+        "--freeze",
+        metavar="PATTERN",
+        help="camera parameters that keep their values: 'K3|p.', or '.*' for all",
+    )
+    computation.add_argument(
+        "--free", metavar="PATTERN", help="camera parameters that are unknown, whatever the files say"
+    )
+    computation.add_argument(
+        "--datum",
+        choices=DATUMS,
+        help="what fixes position, orientation and scale (without control points: centres or points)",
+    )
+    add_iterations(computation, "levenberg-marquardt")
+    computation.add_argument(
+        "--without-accused",
+        action="store_true",
+        help="adjust again without what is accused, where that explains all; files end with -without-accused",
+    )
+    computation.add_argument(
+        "--threads", type=positive_integer, default=1, metavar="N", help="how many share the work"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Adjust what the command line names."""
+    outputs = _outputs(arguments)
+    second = _second(outputs).values() if arguments.without_accused else ()
+    others = [path for writer, place in _asked(arguments) for path in writer.places(place)]
+    check_writable([*outputs.values(), *second, *others], inputs(arguments))
+    with Progress("loading") as progress:
+        from obseq.images.causes.refusals import explained
+        from obseq.images.output.overview import overview
+
+        progress("reading")
+        block, datum = read_block(arguments)
+        given, options = block.poses, _options(datum, arguments)
+        if not block.check_points and not arguments.checks:
+            outputs.pop("checks", None)
+        with noting(block.notes):
+            for writer, _ in _asked(arguments):
+                writer.check(block)
+            read = overview(block)
+            progress.tell(read)
+            with explained(block, progress, **options):
+                solution = _solve(block, options, progress)
+        record, shown = _reported(solution, given, arguments, outputs, options, progress, read)
+    if arguments.quiet:
+        from obseq.images.output.page import shown as page_of
+        from obseq.report.units import Units
+
+        print_verdict(page_of(record), Units(METRIC), outputs.values())
+    else:
+        say(shown, outputs.values())
+    if arguments.without_accused:
+        return _without_accused(solution, record, arguments, outputs, options)
+    return 0 if record.is_complete else INCOMPLETE
+
+
+def _reported(
+    solution: BundleSolution,
+    given: Poses,
+    arguments: argparse.Namespace,
+    outputs: Mapping[str, Path],
+    options: Options,
+    progress: Progress,
+    read: str,
+) -> tuple[BundleRecord, str]:
+    """The record of a solution and its summary, when its files are written."""
+    from obseq.images.causes.diagnosing import diagnosed
+    from obseq.images.output.record import record_of
+    from obseq.images.output.summary import summary
+
+    boundary, text = Boundary(), outputs.get("text")
+    search = partial(diagnosed, solution, given, progress, **options)
+    diagnosis = boundary.attempt("the search for errors", search, None)
+    progress("writing")
+    record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
+    boundary = Boundary()
+    files = boundary.texts(_writers(outputs, solution, record))
+    files |= _written(arguments, solution, boundary)
+    record = structs.replace(record, failures=(*record.failures, *boundary.failures))
+    shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
+    write_all(files | ({} if text is None else {text: shown + read}))
+    return record, shown
+
+
+def _without_accused(
+    solution: BundleSolution,
+    first: BundleRecord,
+    arguments: argparse.Namespace,
+    outputs: Mapping[str, Path],
+    options: Options,
+) -> int:
+    """Adjusts again without what is accused; where there is no such adjustment, says why."""
+    from obseq.images.causes.without_accused import without_accused
+
+    places = _second(outputs)
+    none = {writer.option.replace("-", "_"): None for writer in WRITERS}
+    alone = argparse.Namespace(**{**vars(arguments), **none})
+    try:
+        with Progress("adjusting without what is accused") as progress:
+            block = without_accused(solution, first.diagnosis)
+            given = block.poses
+            block.initialise(causes=False)
+            rest = block.solve(**options)
+            _, shown = _reported(rest, given, alone, places, options, progress, "")
+    except ObseqError as error:
+        print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
+        return 0 if first.is_complete else INCOMPLETE
+    say(f"\n{shown}", places.values())
+    return INCOMPLETE
+
+
+def _second(outputs: Mapping[str, Path]) -> dict[str, Path]:
+    """The files of the adjustment without what is accused."""
+    return {option: path.with_stem(path.stem + SECOND) for option, path in outputs.items()}
+
+
+def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
+    """Option -> file, for those that are asked for."""
+    places = {
+        option: getattr(arguments, option) or (arguments.out / name if arguments.out else None)
+        for option, (name, _) in FILES.items()
+    }
+    return {option: path for option, path in places.items() if path}
+
+
+def _writers(
+    outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord
+) -> dict[Path, Callable[[], str]]:
+    """What writes each of the files that are asked for, but the summary."""
+    from obseq.images.output.clouds import camera_table, ply, point_table, pose_table
+    from obseq.images.output.page import page
+    from obseq.images.output.references_told import check_table
+
+    writers = {
+        "json": record.to_json,
+        "ply": lambda: ply(solution),
+        "poses": lambda: pose_table(solution),
+        "interior": lambda: camera_table(solution),
+        "points": lambda: point_table(solution),
+        "checks": lambda: check_table(record),
+        "html": lambda: page(record),
+    }
+    return {path: writers[option] for option, path in outputs.items() if option in writers}
+
+
+def _asked(arguments: argparse.Namespace) -> list[tuple[BlockWriter, Path]]:
+    """The formats of other programs that are asked for, and where they go."""
+    given = vars(arguments)
+    return [
+        (writer, path) for writer in WRITERS if (path := given[writer.option.replace("-", "_")]) is not None
+    ]
+
+
+def _written(arguments: argparse.Namespace, solution: BundleSolution, boundary: Boundary) -> dict[Path, str]:
+    """The texts of files in the formats of other programs; none takes the place of an input."""
+    found: dict[Path, str] = {}
+    for writer, place in _asked(arguments):
+        made = boundary.attempt(f"--{writer.option}", partial(writer.files, solution, place), {})
+        check_writable(list(made), inputs(arguments))
+        found |= made
+    return found
+
+
+def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> Options:
+    """What the command line says of the solution."""
+    given = {"strategy": arguments.strategy} if arguments.strategy else {}
+    limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
+    return {"datum": datum, "threads": arguments.threads, **limits, **given}
+
+
+def _solve(block: BundleAdjustment, options: Options, progress: Progress) -> BundleSolution:
+    progress("first values")
+    block.initialise()
+    return block.solve(progress=lambda step: progress(str(step)), **options)

@@ -1,0 +1,1 @@
+"""Commands in MMVII's own words."""

@@ -1,0 +1,1 @@
+"""Commands on survey networks: their adjustment, plan and comparison."""

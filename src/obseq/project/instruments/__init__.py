@@ -1,0 +1,1 @@
+"""Rigid blocks and clinometers of a project."""

@@ -1,0 +1,1 @@
+"""Coded targets drawn: the picture, the sheet, its legend."""

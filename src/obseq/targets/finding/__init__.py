@@ -1,0 +1,1 @@
+"""Coded targets found in images, decoded and measured."""

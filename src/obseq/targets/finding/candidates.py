@@ -1,0 +1,104 @@
+"""What may be the middle of a target: light spots, and saddles, at each level of an image."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obseq.targets.finding.detection import discs, saddle_strength, saddles, smooth
+from obseq.targets.finding.light_spots import above_mean, spots, stand_out
+
+if TYPE_CHECKING:
+    from obseq.arrays import FloatRows
+    from obseq.targets.finding.levels import Level, Tile
+
+SMOOTHING = 1.2
+"""Sigma of the smoothing before saddles are looked for, pixels."""
+LIGHTLY = 0.7
+"""And before spots are."""
+CIRCLE = 3.5
+"""Radius of the circle around a saddle: the smallest figure of a level is somewhat larger."""
+SURE = 4.0
+"""Standard deviations of noise that nothing exceeds by chance often enough to matter."""
+SQUARE = 10
+"""Half the side of the square whose mean a spot exceeds: it holds a spot and what is dark around it."""
+SPOT_AREAS = (9, 320)
+"""Pixels of the smallest and the largest spot of a level; larger ones are found at the next."""
+RADII = np.array([2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0])
+"""Of the circles on which the directions of crossing lines are taken, pixels, as far as they go on."""
+FARTHEST = 34.0
+"""Pixels to the edge of the largest disc of a level; larger ones are found at the next."""
+MOST = 40000
+"""Candidates of a tile at most."""
+
+
+def gaussian(sigma: float) -> FloatRows:
+    """(2 k + 1,) weights of a Gaussian."""
+    reach = math.ceil(3.0 * sigma)
+    x = np.arange(-reach, reach + 1.0)
+    weights = np.exp(-0.5 * (x / sigma) ** 2)
+    found: FloatRows = weights / weights.sum()
+    return found
+
+
+def find_discs(level: Level, sign: float) -> FloatRows:
+    """(n, 10) chequered discs of a level; the strongest first.
+
+    x, y, strength, dark and light level around, the angle at which light turns dark, by how much further dark
+    turns light, and the ellipse `p' q p = 1` of the disc: q11, q12, q22.
+
+    Args:
+        level: of the image.
+        sign: 1, or -1 for light and dark exchanged.
+    """
+    found = np.vstack([_tile_discs(tile, level.noise, sign) for tile in level.tiles()])
+    return found[np.argsort(-found[:, 2], kind="stable")]
+
+
+def _tile_discs(tile: Tile, noise: float, sign: float) -> FloatRows:
+    found = _tile_saddles(tile, noise)
+    shapes = np.empty((len(found), 5))
+    discs(tile.image, sign, noise, RADII, FARTHEST, found, shapes)
+    found = np.column_stack((found, shapes))[np.isfinite(shapes[:, 0])]
+    found[:, :2] += np.array([tile.left, tile.top])
+    return found[tile.owns(found[:, 0], found[:, 1])]
+
+
+def _tile_saddles(tile: Tile, noise: float) -> FloatRows:
+    """(n, 5) as `saddles` writes them."""
+    after = noise / (2.0 * math.sqrt(math.pi) * SMOOTHING)
+    least = (SURE * after / (2.0 * SMOOTHING**2)) ** 2
+    work, smoothed = np.empty_like(tile.image), np.empty_like(tile.image)
+    smooth(tile.image, gaussian(SMOOTHING), work, smoothed)
+    saddle_strength(smoothed, work)
+    out = np.empty((MOST, 5))
+    return out[: saddles(smoothed, work, least, 2.0 * SURE * after, CIRCLE, 6, out)]
+
+
+def find_spots(level: Level, sign: float) -> FloatRows:
+    """(n, 7) spots of a level: x, y, moments xx, xy, yy, dark level around and light level inside.
+
+    Args:
+        level: of the image.
+        sign: 1 for light spots, -1 for dark ones: levels have that sign then.
+    """
+    return np.vstack([_tile_spots(tile, level.noise, sign) for tile in level.tiles()])
+
+
+def _tile_spots(tile: Tile, noise: float, sign: float) -> FloatRows:
+    image = tile.image if sign > 0 else sign * tile.image
+    height, width = image.shape
+    work, smoothed = np.empty_like(image), np.empty_like(image)
+    smooth(image, gaussian(LIGHTLY), work, smoothed)
+    marks = np.empty((height, width), dtype=np.uint8)
+    least = SURE * noise / (2.0 * math.sqrt(math.pi) * LIGHTLY)
+    above_mean(smoothed, SQUARE, least, np.empty(width + 1), marks)
+    found = np.empty((MOST, 6))
+    n = spots(marks, np.empty(height * width, dtype=np.int64), *SPOT_AREAS, found)
+    levels = np.empty((n, 2))
+    stand_out(smoothed, found[:n], levels)
+    rows = np.column_stack((found[:n, :5] + np.array([tile.left, tile.top, 0.0, 0.0, 0.0]), levels))
+    rows = rows[levels[:, 1] > levels[:, 0]]
+    return rows[tile.owns(rows[:, 0], rows[:, 1])]
