@@ -52,12 +52,16 @@ Content: TypeAlias = str | bytes | Callable[[IO[bytes]], None]
 """Of a file: a text, bytes, or what writes it."""
 
 
-def write_all(texts: Mapping[Path, Content]) -> None:
+def write_all(texts: Mapping[Path, Content], told: Callable[[str, Exception], None] | None = None) -> None:
     """Write all the files or none: each is written beside its place, then they replace what was there.
 
     Texts are written in UTF-8 as they are, bytes too; what is too long for memory, a function writes. A file
     that is replaced hands its permissions on. What killed runs left behind for the same files is deleted. An
     interruption while files are being replaced waits until all are.
+
+    Args:
+        texts: What each file holds.
+        told: Is told which function failed, and how; the other files are written then.
 
     Raises:
         InputError: A file cannot be written (a full disk, for instance).
@@ -75,7 +79,8 @@ def write_all(texts: Mapping[Path, Content]) -> None:
             else:
                 _clean(target)
                 staged[_beside(target, "part")] = target
-                _write(_beside(target, "part"), text, target)
+                if not _is_written(_beside(target, "part"), text, target, told):
+                    del staged[_beside(target, "part")]
         _replace_together(staged)
     except OSError as error:
         raise InputError(f"{error.filename}: the results cannot be written ({error.strerror}).") from error
@@ -166,6 +171,23 @@ def _write(temporary: Path, text: Content, target: Path) -> None:
         with suppress(PermissionError):
             shutil.chown(temporary, target.stat().st_uid, target.stat().st_gid)
         shutil.copymode(target, temporary)
+
+
+def _is_written(
+    temporary: Path, text: Content, target: Path, told: Callable[[str, Exception], None] | None
+) -> bool:
+    """Write it; where its function fails by itself, that is told, and nothing is left."""
+    try:
+        _write(temporary, text, target)
+    except (OSError, UnicodeEncodeError):
+        raise
+    except Exception as error:
+        if told is None:
+            raise
+        told(str(target), error)
+        temporary.unlink(missing_ok=True)
+        return False
+    return True
 
 
 def _replace_together(staged: Mapping[Path, Path]) -> None:

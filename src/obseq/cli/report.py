@@ -1,7 +1,8 @@
 """`obseq report`: the reports of a stored result, made again."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,9 +14,11 @@ from obseq.cli.results import (
     Outputs,
     add_result_arguments,
     detail_of,
+    forget,
     in_units,
     outputs_of,
     show,
+    suiting,
     write,
 )
 from obseq.errors import InputError
@@ -24,8 +27,9 @@ from obseq.records.comparison import ComparisonRecord
 from obseq.records.plan import PlanRecord
 from obseq.records.record import from_plain
 from obseq.records.shown_units import chosen_units
-from obseq.report.result_file import read_plain
-from obseq.writing import check_writable, write_all
+from obseq.report.result_columns import write_columns
+from obseq.report.result_file import read_plain, write_json
+from obseq.writing import Content, check_writable, write_all
 
 STEMS = {"obseq-bundle": "bundle", "obseq-plan": "plan", "obseq-comparison": "comparison"}
 """Names of files in a folder, by the format of the result; of adjustments that of all others."""
@@ -50,7 +54,9 @@ exit code: 0 done; 1 as the command that wrote the result; 2 could not run"""
 def register(commands: Commands) -> None:
     """Add the command to the parser."""
     command = add_command(commands, "report", run, "make the reports of a stored result again", MORE, EXAMPLE)
-    command.add_argument("result", type=Path, metavar="RESULT.json", help="what `--json` or `--out` wrote")
+    command.add_argument(
+        "result", type=Path, metavar="RESULT", help="a .json or .npz that `--out`, `--json` or `--npz` wrote"
+    )
     add_result_arguments(command)
 
 
@@ -59,14 +65,14 @@ def run(arguments: argparse.Namespace) -> int:
     plain = read_plain(arguments.result)
     kind = str(plain.get("format")) if isinstance(plain, dict) else ""
     outputs = outputs_of(arguments, STEMS.get(kind))
-    check_writable([path for path, _ in outputs], [arguments.result])
+    check_writable([output.path for output in outputs], [arguments.result])
     ways = {"obseq-bundle": _block, "obseq-plan": _plan, "obseq-comparison": _comparison}
     return ways.get(kind, _network)(plain, arguments, outputs)
 
 
 def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
-    check_writable([path for path, _ in outputs], map(Path, record.files or ()))
+    check_writable([output.path for output in outputs], map(Path, record.files or ()))
     record = write(record, outputs)
     show(record, outputs, detail=detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
@@ -81,8 +87,17 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
     if arguments.units:
         raise InputError("--units: reports of blocks of images are in the unit of their world, and in pixels")
     record = block_record_of(plain, str(arguments.result))
-    told = summary(record, _names(outputs))
-    _write({"text": told, "json": record.to_json(), "html": page(record)}, told, outputs)
+    told = summary(record, _names(suiting(len(record.residuals.image), outputs)))
+    writers: dict[str, Callable[[], Content]] = {
+        "text": lambda: told,
+        "json": lambda: partial(write_json, record=record),
+        "html": lambda: page(record),
+        "npz": lambda: partial(write_columns, record=record),
+    }
+    size = len(record.residuals.image)
+    chosen = suiting(size, outputs)
+    _write({output.form.name: writers[output.form.name]() for output in chosen}, told, chosen)
+    forget(size, outputs)
     return 0 if record.is_complete else INCOMPLETE
 
 
@@ -119,10 +134,17 @@ def _read(kind: type[Kind], plain: object, arguments: argparse.Namespace) -> Kin
 
 
 def _names(outputs: Outputs) -> list[str]:
-    return [str(path) for path, _ in outputs]
+    return [str(output.path) for output in outputs]
 
 
-def _write(texts: Mapping[str, str], told: str, outputs: Outputs) -> None:
-    """Write the reports by the names of their formats, and print the summary."""
-    write_all({path: texts[form.name] for path, form in outputs})
-    say(told, [path for path, _ in outputs])
+def _write(texts: Mapping[str, Content], told: str, outputs: Outputs) -> None:
+    """Write the reports by the names of their formats, and print the summary.
+
+    Raises:
+        InputError: a format is asked for that this result is not written in.
+    """
+    if lacking := [output for output in outputs if output.is_asked and output.form.name not in texts]:
+        raise InputError(f"--{lacking[0].form.name}: only networks and blocks are written as columns")
+    outputs = [output for output in outputs if output.form.name in texts]
+    write_all({output.path: texts[output.form.name] for output in outputs})
+    say(told, [output.path for output in outputs])

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import structs
 
@@ -17,7 +17,7 @@ from obseq.printable import printable
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report.adjusted import verdict
-from obseq.report.formats import FORMATS, Format
+from obseq.report.formats import FORMATS, LARGE, Format
 from obseq.report.said import plain
 from obseq.report.summary import SHOWN, in_text, summary
 from obseq.writing import write_all
@@ -33,14 +33,32 @@ INCOMPLETE = 1
 STEM = "adjustment"
 """Name of the files in a folder of results."""
 
-Outputs = Sequence[tuple[Path, Format]]
+
+class Output(NamedTuple):
+    """A file of results.
+
+    Attributes:
+        path: Where.
+        form: Its format.
+        is_asked: Whether it was asked for by itself, and is written whatever its size.
+    """
+
+    path: Path
+    form: Format
+    is_asked: bool = False
+
+
+Outputs = Sequence[Output]
 
 
 def add_result_arguments(command: argparse.ArgumentParser) -> None:
     """Add what says where results are written: a folder for all, or a file per format."""
     results = command.add_argument_group("results")
-    names = ", ".join(f"{STEM}{form.suffix}" for form in FORMATS)
-    results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
+    usual, large = (
+        ", ".join(f"{STEM}{form.suffix}" for form in FORMATS if form.suits(size)) for size in (0, LARGE + 1)
+    )
+    purpose = f"folder for {usual}; of more than {LARGE} observations, for {large}"
+    results.add_argument("--out", type=Path, metavar="DIR", help=purpose)
     add_units(results)
     add_detail(results)
     for form in FORMATS:
@@ -72,13 +90,45 @@ def shown_in(network: "Network", words: Iterable[str]) -> "Network":
 def outputs_of(arguments: argparse.Namespace, stem: str | None = None) -> Outputs:
     """Where each format goes: in the folder of --out, unless a file is named."""
     inside = dict(_inside(arguments.out, stem or STEM)) if arguments.out else {}
-    places = ((form, getattr(arguments, form.name) or inside.get(form)) for form in FORMATS)
-    return [(path, form) for form, path in places if path]
+    asked = {form: getattr(arguments, form.name) for form in FORMATS}
+    return [
+        Output(path, form, asked[form] is not None)
+        for form in FORMATS
+        if (path := asked[form] or inside.get(form))
+    ]
 
 
 def outputs_in(folder: Path) -> Outputs:
     """All formats, in a folder."""
-    return [(path, form) for form, path in _inside(folder, STEM)]
+    return [Output(path, form) for form, path in _inside(folder, STEM)]
+
+
+def suiting(size: int, outputs: Outputs) -> Outputs:
+    """Those that a result of so many observations is written in."""
+    return [output for output in outputs if output.is_asked or output.form.suits(size)]
+
+
+def left_out(size: int, outputs: Outputs) -> str:
+    """Which files of a folder are not written, and how to get them; empty where all are."""
+    written = suiting(size, outputs)
+    spared = [output for output in outputs if output not in written]
+    if size <= LARGE or not spared:
+        return ""
+    columns = next(output.path for output in written if output.form.sizes == "large")
+    names = " and ".join(output.path.name for output in spared)
+    options = " ".join(f"--{output.form.name} FILE" for output in spared)
+    return (
+        f"Not written, as there are more than {LARGE} observations: {names}, nor kept of an earlier run; "
+        f"obseq report {columns} {options} writes them\n"
+    )
+
+
+def forget(size: int, outputs: Outputs) -> None:
+    """Delete what an earlier run left in the folder in formats that this result is not written in."""
+    written = suiting(size, outputs)
+    for output in outputs:
+        if output not in written and output.path.is_file():
+            output.path.unlink()
 
 
 def add_quiet(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
@@ -132,8 +182,10 @@ def show(
     record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = (), detail: Detail = USUAL
 ) -> None:
     """Print the summary, and what was written: other files first."""
-    paths = [*others, *(path for path, _ in outputs)]
+    size = len(record.observations)
+    paths = [*others, *(output.path for output in suiting(size, outputs))]
     text = summary(record, [str(path) for path in paths], detail.amount, detail.shown)
+    text += left_out(size, outputs)
     judged = verdict(record)
     say(coloured(text, {judged.text: judged.level}), paths)
 
@@ -142,9 +194,10 @@ def write(
     record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str | bytes] | None = None
 ) -> AdjustmentRecord:
     """Write all the results that can be made, other files among them; the record with what cannot."""
-    boundary = Boundary()
-    texts = boundary.texts({path: partial(form.write, record) for path, form in outputs})
-    write_all({**(others or {}), **texts})
+    boundary, size = Boundary(), len(record.observations)
+    writers = {output.path: partial(output.form.write, record) for output in suiting(size, outputs)}
+    write_all({**(others or {}), **boundary.texts(writers)}, boundary.tell)
+    forget(size, outputs)
     told = tuple(boundary.failures)
     return structs.replace(record, warnings=(*told, *record.warnings), failures=(*record.failures, *told))
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import cache
 from types import UnionType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, Union, cast, get_args, get_origin
 
 import msgspec
 
@@ -26,11 +26,12 @@ from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
+    from typing import Any
 
     import numpy as np
     from numpy.typing import NDArray
 
-    from obseq.arrays import Array, FloatArray, IndexArray
+    from obseq.arrays import Array, FloatArray, IndexArray, IntArray
 
 What = Literal["number", "integer", "truth", "text", "numbers", "record"]
 THERE = "there"
@@ -53,6 +54,10 @@ class Texts(NamedTuple):
 
 Column: TypeAlias = "Array | Texts"
 Columns: TypeAlias = Mapping[str, Column]
+Values: TypeAlias = "list[Any]"
+"""A column as Python has it, or records."""
+Places: TypeAlias = "slice | list[int] | IntArray"
+"""Of some rows."""
 
 
 class Field(NamedTuple):
@@ -98,8 +103,8 @@ def _field(given: msgspec.structs.FieldInfo) -> Field:
     return Field(given.name, given.encode_name, what, len(options) > 1, inner, kind, given.default)
 
 
-def _what(held: Any) -> What | None:
-    plain: dict[Any, What] = {float: "number", int: "integer", bool: "truth", str: "text"}
+def _what(held: object) -> What | None:
+    plain: dict[object, What] = {float: "number", int: "integer", bool: "truth", str: "text"}
     if held in plain:
         return plain[held]
     if get_origin(held) is tuple:
@@ -154,7 +159,7 @@ class Lazy(Mapping[str, Column]):
         return len(self._names)
 
 
-def chosen(column: Column, rows: Any) -> Column:
+def chosen(column: Column, rows: Places) -> Column:
     """Some rows of a column: positions or a slice."""
     if isinstance(column, Texts):
         return Texts(column.codes[rows], column.names)
@@ -196,7 +201,7 @@ def texts_of(values: Sequence[str | None]) -> Texts:
     return Texts(np.array(codes, np.int32), list(names))
 
 
-def column_of(fields: Sequence[Field], records: Sequence[Any], name: str) -> Column:
+def column_of(fields: Sequence[Field], records: Values, name: str) -> Column:
     """A column of some records, None among them where they are parts of others.
 
     Raises:
@@ -210,7 +215,7 @@ def column_of(fields: Sequence[Field], records: Sequence[Any], name: str) -> Col
     return column_of(field.inner, values, rest) if rest else _of_values(field, values, name)
 
 
-def _of_values(field: Field, values: list[Any], name: str) -> Column:
+def _of_values(field: Field, values: Values, name: str) -> Column:
     import numpy as np
 
     if field.what == "text":
@@ -235,13 +240,13 @@ def _truths(values: Iterable[bool | None]) -> NDArray[np.int8]:
     return np.array([-1 if value is None else value for value in values], np.int8)
 
 
-def records_of(kind: type[Record], columns: Columns, count: int, before: str = "") -> list[Any]:
+def records_of(kind: type[Record], columns: Columns, count: int, before: str = "") -> Values:
     """The records of columns, all of them: cut the columns first."""
     values = [cells(field, columns, count, before + field.column) for field in fields_of(kind)]
     return list(map(kind, *values))
 
 
-def cells(field: Field, columns: Columns, count: int, name: str) -> list[Any]:
+def cells(field: Field, columns: Columns, count: int, name: str) -> Values:
     """The values of a field, row by row."""
     if field.kind is not None:
         return _parts(field, columns, count, name)
@@ -255,7 +260,7 @@ def cells(field: Field, columns: Columns, count: int, name: str) -> list[Any]:
         return _tuples(column, _are_there(columns, name))
     if field.what == "truth":
         return [None if value < 0 else value > 0 for value in column.tolist()]
-    values: list[Any] = column.tolist()
+    values: Values = column.tolist()
     if not field.optional:
         return values
     if field.what == "integer":
@@ -272,7 +277,7 @@ def _default(field: Field, name: str) -> object:
     return None
 
 
-def without_nan(values: list[Any]) -> list[Any]:
+def without_nan(values: Values) -> Values:
     """Numbers, None where they are not known."""
     return [None if value != value else value for value in values]
 
@@ -290,7 +295,7 @@ def _are_there(columns: Columns, name: str) -> list[bool] | None:
     return None if there is None or isinstance(there, Texts) else (there > 0).tolist()
 
 
-def _parts(field: Field, columns: Columns, count: int, name: str) -> list[Any]:
+def _parts(field: Field, columns: Columns, count: int, name: str) -> Values:
     assert field.kind is not None
     if not any(f"{name}.{inner}" in columns for inner in names_of(field.inner)):
         return [_default(field, name)] * count
@@ -299,7 +304,7 @@ def _parts(field: Field, columns: Columns, count: int, name: str) -> list[Any]:
         return records_of(field.kind, columns, count, f"{name}.")
     rows = [row for row, is_there in enumerate(there) if is_there]
     few = {key: chosen(columns[key], rows) for key in columns if key.startswith(f"{name}.")} if rows else {}
-    found: list[Any] = [None] * count
+    found: Values = [None] * count
     if rows:
         for row, record in zip(rows, records_of(field.kind, few, len(rows), f"{name}."), strict=True):
             found[row] = record

@@ -61,13 +61,14 @@ def _plain(value: Any) -> object:
     return list(value) if isinstance(value, Sequence) else value.item()
 
 
-def _listed(record: Any, kind: Any, value: Any) -> object:
+def _listed(record: type, kind: Any, value: object) -> object:
     """What a list of a file becomes that a record holds as columns."""
-    whole, rows = get_origin(kind), get_args(kind)[0]
+    whole, rows = get_origin(kind) or kind, get_args(kind)[0]
     if isinstance(value, whole):
         return value
     try:
-        return whole.from_plain(value, rows)
+        found: object = whole.from_plain(value, rows)
+        return found
     except msgspec.ValidationError as error:
         problem, _, place = str(error).partition(" - at `$")
         fields = (field for field in structs.fields(record) if kind in (field.type, *get_args(field.type)))

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cache
 from operator import attrgetter
+from types import GenericAlias
 from typing import (
     TYPE_CHECKING,
-    Any,
     Generic,
     NamedTuple,
     SupportsIndex,
+    TypeAlias,
     TypeVar,
     get_args,
     get_origin,
@@ -40,13 +41,18 @@ from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from typing import Any
 
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.records.columns import Column, Columns
+    from obseq.records.columns import Column, Columns, Values
 
 Row = TypeVar("Row", bound=Record)
 CHUNK = 8192
 """Records that are made at a time when one goes through all: 10 MB of them."""
+
+
+AnyRows: TypeAlias = "Rows[Any]"
+"""A list of records of some class."""
 
 
 class Stored(NamedTuple):
@@ -85,6 +91,7 @@ class Rows(Sequence[Row], Generic[Row]):
         self.kind = kind
         self._records: tuple[Row, ...] | None = tuple(records)
         self._size = len(self._records)
+        self._made_once: dict[str, Column] = {}
         self._columns: Columns = Lazy(names_of(fields_of(kind)), self._gathered)
         self.whole = self
 
@@ -104,7 +111,7 @@ class Rows(Sequence[Row], Generic[Row]):
         return found
 
     @classmethod
-    def from_plain(cls, plain: Any, kind: type[Row]) -> Rows[Row]:
+    def from_plain(cls, plain: object, kind: type[Row]) -> Rows[Row]:
         """The list whose plain form is given, or whose columns are.
 
         Raises:
@@ -112,7 +119,7 @@ class Rows(Sequence[Row], Generic[Row]):
             InputError: A column is missing.
         """
         if not isinstance(plain, Stored):
-            return cls(kind, msgspec.convert(plain, list[kind]))  # type: ignore[valid-type]
+            return cls(kind, msgspec.convert(plain, GenericAlias(list, (kind,))))
         missing = [name for name in needed(fields_of(kind)) if name not in plain.columns]
         if missing and plain.size:
             raise InputError(f"{plain.path}: the column {missing[0]} of {kind.__name__} is missing")
@@ -137,8 +144,10 @@ class Rows(Sequence[Row], Generic[Row]):
         return self._columns
 
     def _gathered(self, name: str) -> Column:
-        """A column of records."""
-        return column_of(fields_of(self.kind), self._records or (), name)
+        """A column of records, made once."""
+        if name not in self._made_once:
+            self._made_once[name] = column_of(fields_of(self.kind), list(self._records or ()), name)
+        return self._made_once[name]
 
     def filled(self, name: str) -> Column:
         """A column, of defaults where there is none."""
@@ -180,7 +189,8 @@ class Rows(Sequence[Row], Generic[Row]):
             return NotImplemented if not isinstance(other, Rows | tuple | list) else False
         return all(mine == its for mine, its in zip(self, other, strict=True))
 
-    __hash__ = None  # type: ignore[assignment]  # as of a list
+    def __hash__(self) -> int:
+        return hash((self.kind, len(self)))
 
     def __repr__(self) -> str:
         return f"Rows of {self.kind.__name__}: {len(self)}"
@@ -238,7 +248,16 @@ class Rows(Sequence[Row], Generic[Row]):
         column = self._column(name)
         return column if isinstance(column, Texts) else Texts(np.full(len(self), NO_CODE, np.int32), ())
 
-    def values(self, name: str) -> list[Any]:
+    def distinct(self, name: str, rows: BoolArray | None = None) -> dict[str, int]:
+        """The different texts of a column, and how often each comes; of some rows (n,) only, if given."""
+        import numpy as np
+
+        codes, names = self.texts(name)
+        codes = codes if rows is None else codes[rows]
+        counts = np.bincount(codes[codes >= 0], minlength=len(names)).tolist()
+        return {text: count for text, count in zip(names, counts, strict=True) if count}
+
+    def values(self, name: str) -> Values:
         """A column as Python has it: None where there is none."""
         if self._records is not None:
             return list(map(attrgetter(name), self._records))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from heapq import nlargest
 from typing import TYPE_CHECKING
 
 from obseq.printable import listed
@@ -30,15 +31,19 @@ def sight(row: ObservationRecord) -> str:
 
 def weakest(points: Rows[PointRecord]) -> tuple[int, float] | None:
     """The point known worst, and how well it is known (m); None where no precision is known."""
-    sizes = [(found, k) for k, point in enumerate(points) if (found := spread(point)) is not None]
+    sizes = [(found, k) for k, found in enumerate(spreads(points)) if found == found]
     return max(sizes)[::-1] if sizes else None
 
 
-def spread(point: PointRecord) -> float | None:
-    """How well a point is known: the longer semi-axis of its ellipse, or the sigma of its height (m)."""
-    if point.ellipse:
-        return point.ellipse.semi_major
-    return point.sz if point.sx is None else max(point.sx, point.sy or 0.0)
+def spreads(points: Rows[PointRecord]) -> list[float]:
+    """How well points are known (m): longer semi-axes of ellipses, or sigmas of heights; NaN: unknown."""
+    import numpy as np
+
+    sx, sy, sz = (points.numbers(f"s{axis}") for axis in "xyz")
+    alone = np.where(np.isnan(sx), sz, np.fmax(sx, sy))
+    major = points.numbers("ellipse.semi_major")
+    found: list[float] = np.where(np.isnan(major), alone, major).tolist()
+    return found
 
 
 def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Findings, ...]:
@@ -63,7 +68,7 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
 def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     rows = [place.row for place in item.observations]
     one = record.observations[rows[0]] if len(rows) == 1 else None
-    files = short_names(row.file for row in record.observations)
+    files = short_names(record.observations.distinct("file"))
     sigma = item.sigma[0] if item.sigma else 0.0
     off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
     text = item.text[:1].upper() + item.text[1:]
@@ -134,9 +139,10 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
     level = record.reliability
     if level is None or record.gross_errors:
         return
-    files = short_names(row.file for row in record.observations)
-    found = [(abs(row.standardised_residual or 0.0), k) for k, row in enumerate(record.observations)]
-    for size, k in sorted(found, reverse=True)[:MOST_BEYOND]:
+    files = short_names(record.observations.distinct("file"))
+    tests = record.observations.numbers("standardised_residual").tolist()
+    found = ((abs(value), k) for k, value in enumerate(tests) if value == value)
+    for size, k in nlargest(MOST_BEYOND, found):
         row = record.observations[k]
         if size > level.critical and row.residual is not None:
             chance = f"limit {level.critical:.2f}, passed by chance once in {1 / level.level:.0f}"
@@ -153,16 +159,13 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _weak(record: AdjustmentRecord) -> Iterator[Finding]:
     level = record.reliability
-    found = [
-        (row.redundancy, k)
-        for k, row in enumerate(record.observations)
-        if row.active and row.redundancy is not None
-    ]
-    poor = sorted(item for item in found if item[0] < POOR)
+    shares = record.observations.numbers("redundancy")
+    poor = (record.observations.truths("active") & (shares < POOR)).nonzero()[0].tolist()
     if level is None or not poor:
         return
-    row = record.observations[poor[0][1]]
-    to = Place("observations", row=poor[0][1])
+    first = min(poor, key=shares.__getitem__)
+    row = record.observations[first]
+    to = Place("observations", row=first)
     if level.uncontrolled:
         text = f"Nothing checks them: an error there stays unseen. First: {sight(row)}."
         yield Finding(

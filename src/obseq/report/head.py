@@ -165,7 +165,7 @@ def gauge(value: float, lower: float, upper: float, level: str) -> Plain:
 
 def strip(values: Iterable[float | None], limit: float | None = None) -> Plain | None:
     """Every value as a tick, the largest of many; None without any."""
-    found = sorted((abs(value) for value in values if value is not None), reverse=True)
+    found = sorted((abs(value) for value in values if value is not None and value == value), reverse=True)
     if not found:
         return None
     ticks = [float(f"{value:.4g}") for value in found[:MOST_TICKS]]
@@ -176,7 +176,7 @@ def shares(values: Iterable[float | None]) -> Plain:
     """How many of some shares, from 0 to 1, lie in each tenth."""
     counts = [0] * BINS
     for value in values:
-        if value is not None:
+        if value is not None and value == value:
             counts[max(0, min(BINS - 1, int(value * BINS)))] += 1
     return {"kind": "bins", "values": counts, "low": 1, "first": "0", "last": "1"}
 

@@ -18,9 +18,9 @@ def suspects(record: AdjustmentRecord) -> list[ObservationRecord]:
     """The observations whose test of the standardised residual fails, the worst first."""
     if record.reliability is None:
         return []
-    limit = record.reliability.critical
-    beyond = [row for row in record.observations if abs(row.standardised_residual or 0.0) > limit]
-    return sorted(beyond, key=lambda row: -abs(row.standardised_residual or 0.0))
+    sizes = abs(record.observations.numbers("standardised_residual"))
+    beyond = (sizes > record.reliability.critical).nonzero()[0].tolist()
+    return list(record.observations.take(sorted(beyond, key=lambda row: -sizes[row])))
 
 
 def single_tests(record: AdjustmentRecord) -> Iterator[str]:
@@ -32,7 +32,7 @@ def single_tests(record: AdjustmentRecord) -> Iterator[str]:
     if record.planned:
         yield from _uncontrolled(found)
         return
-    known = sum(abs(row.standardised_residual or 0.0) > found.critical for row in record.constraints)
+    known = int((abs(record.constraints.numbers("standardised_residual")) > found.critical).sum())
     count = len(suspects(record)) + known
     verdict = f"exceeded by {count} of {found.tests}" if count else f"exceeded by none of {found.tests}"
     if known:

@@ -8,36 +8,35 @@ a list of texts, `texts.NUMBER.json`. What a column holds: `obseq.records.column
 from __future__ import annotations
 
 import hashlib
+import json
 import zipfile
 import zlib
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, TypeVar
+from typing import IO, TYPE_CHECKING, TypeVar
 
+import msgspec
 from msgspec import structs
 
 from obseq.errors import InputError
 from obseq.reading.json_text import parsed_json
 from obseq.records.columns import Lazy, Texts
 from obseq.records.record import Record, encoded
-from obseq.records.rows import Rows, Stored
+from obseq.records.rows import AnyRows, Rows, Stored
 from obseq.writing import write_all
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from zipfile import ZipFile
 
     from obseq.arrays import Array
     from obseq.records.columns import Column
 
-Row = TypeVar("Row", bound=Record)
+Found = TypeVar("Found")
 RECORD = "record.json"
 LAYOUT = 1
 """Version of what this module writes; another one is refused."""
 LEVEL = 1
 """Of compression: numbers of measurements hardly get smaller by the others, which take five times as long."""
-EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Date of all members: equal results are equal files."""
-SUFFIX = ".npz"
 MAGIC = b"PK\x03\x04"
 
 
@@ -55,7 +54,7 @@ def write_columns(file: IO[bytes], record: Record) -> None:
         writer.record({name: lists.get(name) or encoded(value) for name, value in values.items()})
 
 
-def write_lists(path: str | Path, lists: Mapping[str, Rows[Any]]) -> None:
+def write_lists(path: str | Path, lists: Mapping[str, AnyRows]) -> None:
     """Writes parts of a result, such as those of a leaf, as one file.
 
     Raises:
@@ -70,7 +69,7 @@ def write_lists(path: str | Path, lists: Mapping[str, Rows[Any]]) -> None:
     write_all({Path(path): write})
 
 
-def read_lists(path: str | Path, kinds: Mapping[str, type[Any]]) -> dict[str, Rows[Any]]:
+def read_lists(path: str | Path, kinds: Mapping[str, type[Record]]) -> dict[str, AnyRows]:
     """The lists that `write_lists` wrote, each column read when it is asked for.
 
     Args:
@@ -95,7 +94,7 @@ def is_columns(path: Path) -> bool:
         return False
 
 
-def read_columns(path: str | Path) -> dict[str, Any]:
+def read_columns(path: str | Path) -> dict[str, object]:
     """The plain form of a result, in which long lists are columns that are read when they are asked for.
 
     Raises:
@@ -109,11 +108,27 @@ def read_columns(path: str | Path) -> dict[str, Any]:
             f"{path}: its layout is {layout}, and this version of obseq reads {LAYOUT}: "
             "adjust again, or use the version that wrote it"
         )
-    return {name: archive.stored(name, value) if _is_list(value) else value for name, value in plain.items()}
+    return {name: archive.stored(name, _told(value)) or value for name, value in plain.items()}
 
 
-def _is_list(value: object) -> bool:
-    return isinstance(value, dict) and value.keys() == {"rows", "columns", "texts"}
+class Told(msgspec.Struct):
+    """What the record says of a list.
+
+    Attributes:
+        rows: How many records it has.
+        columns: The names of its columns.
+        texts: The tables of those that are texts.
+    """
+
+    rows: int
+    columns: list[str]
+    texts: dict[str, str]
+
+
+def _told(value: object) -> Told | None:
+    """What is said of a list; None where a value is none of columns."""
+    is_list = isinstance(value, dict) and value.keys() == set(Told.__struct_fields__)
+    return msgspec.convert(value, Told) if is_list else None
 
 
 class _Writer:
@@ -123,7 +138,7 @@ class _Writer:
         self._archive = archive
         self._tables: dict[bytes, str] = {}
 
-    def lists(self, name: str, rows: Rows[Any]) -> str:
+    def lists(self, name: str, rows: AnyRows) -> str:
         """Writes the columns of a list; what the record says of it."""
         texts = {}
         for column in rows.columns:
@@ -133,7 +148,7 @@ class _Writer:
                 found = found.codes
             with self._open(f"{name}.{column}.npy") as file:
                 _write_array(file, found)
-        return encoded({"rows": len(rows), "columns": list(rows.columns), "texts": texts})
+        return encoded(Told(len(rows), list(rows.columns), texts))
 
     def record(self, parts: Mapping[str, str]) -> None:
         """Writes what is no column."""
@@ -152,12 +167,10 @@ class _Writer:
         return self._tables[digest]
 
     def _open(self, name: str) -> IO[bytes]:
-        member = zipfile.ZipInfo(name, EPOCH)
-        member.compress_type, member._compresslevel = zipfile.ZIP_DEFLATED, LEVEL  # type: ignore[attr-defined]
-        return self._archive.open(member, "w", force_zip64=True)
+        return self._archive.open(name, "w", force_zip64=True)
 
 
-def _write_array(file: IO[bytes], values: Any) -> None:
+def _write_array(file: IO[bytes], values: Array) -> None:
     """An array as `.npy`: truths as bytes, integers as small as they may be by their kind."""
     import numpy as np
 
@@ -183,11 +196,13 @@ class _Archive:
         self._members = frozenset(self._archive.namelist())
         self._tables: dict[str, list[str]] = {}
 
-    def stored(self, name: str, said: Mapping[str, Any]) -> Stored:
-        """What the record says to be columns."""
-        for key in said["columns"]:
+    def stored(self, name: str, told: Told | None) -> Stored | None:
+        """A list that is columns."""
+        if told is None:
+            return None
+        for key in told.columns:
             self._there(f"{name}.{key}.npy")
-        texts, size = said["texts"], said["rows"]
+        texts, size = told.texts, told.rows
         kept: dict[str, Column] = {}
 
         def column(key: str) -> Column:
@@ -195,20 +210,20 @@ class _Archive:
                 kept[key] = self._column(f"{name}.{key}.npy", size, texts.get(key))
             return kept[key]
 
-        return Stored(Lazy(said["columns"], column), size, str(self.path))
+        return Stored(Lazy(told.columns, column), size, str(self.path))
 
-    def plain(self, member: str) -> Any:
+    def plain(self, member: str) -> object:
         """What a member of JSON says."""
         return self._read(member, lambda file: parsed_json(file.read()))
 
     def _column(self, member: str, size: int, table: str | None) -> Column:
-        values: Array = self._read(member, _array)
+        values = self._read(member, _array)
         if len(values) != size:
             raise self._damaged(f"{member} has {len(values)} rows, not {size}")
         if table is None:
             return values
         if table not in self._tables:
-            self._tables[table] = self.plain(table)
+            self._tables[table] = self._read(table, _texts)
         names = self._tables[table]
         if values.dtype.kind != "i" or not (
             values.min(initial=0) >= -1 and values.max(initial=-1) < len(names)
@@ -220,7 +235,7 @@ class _Archive:
         if member not in self._members:
             raise self._damaged(f"{member} is missing")
 
-    def _read(self, member: str, how: Any) -> Any:
+    def _read(self, member: str, how: Callable[[IO[bytes]], Found]) -> Found:
         self._there(member)
         try:
             with self._archive.open(member) as file:
@@ -232,7 +247,11 @@ class _Archive:
         return InputError(f"{self.path}: the result is damaged: {why}; copy it again, or adjust again")
 
 
-def _array(file: IO[bytes]) -> Any:
+def _texts(file: IO[bytes]) -> list[str]:
+    return [str(text) for text in json.loads(file.read())]
+
+
+def _array(file: IO[bytes]) -> Array:
     import numpy as np
 
-    return np.lib.format.read_array(file, allow_pickle=False)
+    return np.asarray(np.lib.format.read_array(file, allow_pickle=False))

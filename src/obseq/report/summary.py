@@ -230,11 +230,12 @@ def notes(record: AdjustmentRecord) -> Iterator[str]:
 
 
 def _worst(record: AdjustmentRecord) -> Iterator[str]:
-    rows = [
-        (row.standardised_residual, row.normalised_residual, row) for row in record.observations if row.active
-    ]
-    worst_rows = nlargest(WORST, rows, key=lambda row: (abs(row[0] or 0.0), abs(row[1] or 0.0)))
-    few = structs.replace(record, observations=tuple(row for *_, row in worst_rows))
+    found = record.observations
+    sizes = [abs(found.numbers(name)) for name in ("standardised_residual", "normalised_residual")]
+    keys = [[0.0 if size != size else size for size in column.tolist()] for column in sizes]
+    active = found.truths("active").nonzero()[0].tolist()
+    rows = nlargest(WORST, active, key=lambda row: (keys[0][row], keys[1][row]))
+    few = structs.replace(record, observations=found.take(rows))
     yield from _lines(few, "observations", "w", WORST)
     if record.joint:
         yield ""
@@ -243,6 +244,6 @@ def _worst(record: AdjustmentRecord) -> Iterator[str]:
 
 def _known(record: AdjustmentRecord) -> Iterator[str]:
     """The known coordinates that fit worst, when some are beyond what one expects of a few."""
-    count = sum(abs(row.normalised_residual) > NOTABLE for row in record.constraints)
+    count = int((abs(record.constraints.numbers("normalised_residual")) > NOTABLE).sum())
     if count:
         yield from _lines(record, "known", "normalised", min(count, WORST))

@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     options, tree = parse_options(arguments.options, TOPO), ProjectTree.at(arguments.project)
     outputs = outputs_of(arguments)
-    check_writable([path for path, _ in outputs])
+    check_writable([output.path for output in outputs])
     with Progress("reading") as progress:
         from obseq.project.networks import control_of, network_of, survey_points
         from obseq.project.topo import read_topo, said_of_those_without_place
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     lines = [f"Topo sigma0: {'undefined' if s is None else f'{s:g}'} ({count} obs)" for s in sigmas]
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
-    say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
+    say("".join(f"{line}\n" for line in lines), [output.path for output in outputs])
     show(record, outputs, list(files), detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
 

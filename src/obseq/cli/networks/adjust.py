@@ -83,7 +83,7 @@ class Request:
     def places(self) -> list[Path]:
         """Where something is written."""
         sinex = [] if self.sinex is None else [self.sinex]
-        return [*(path for path, _ in self.outputs), *sinex]
+        return [*(output.path for output in self.outputs), *sinex]
 
     def second(self) -> "Request":
         """The request of the adjustment without what is accused: its results go beside the first ones.
@@ -95,7 +95,7 @@ class Request:
             raise InputError("--without-accused writes two results: name a file in place of -")
         return replace(
             self,
-            outputs=[(_beside(path), form) for path, form in self.outputs],
+            outputs=[output._replace(path=_beside(output.path)) for output in self.outputs],
             title=f"{self.title}, without the accused" if self.title else "Without the accused",
             sinex=None if self.sinex is None else _beside(self.sinex),
         )

@@ -238,7 +238,7 @@ class Adjustment(Asked):
     def _points(self) -> Rows[PointRecord]:
         points, n = self.points, len(self.points.names)
         columns = points.columns()
-        columns |= ellipse_columns(self._ellipses(), ~np.isnan(columns["covariance"][:, IN_PLAN]).any(axis=1))
+        columns |= ellipse_columns(self._ellipses(), np.isfinite(points.upper[:, IN_PLAN]).min(axis=1))
         columns["known"] = texts_of(known_letters(points.points))
         columns |= moves(points.points, points.places, {item.name for item in self.replaced})
         if self.quality.ellipsoids and self.solution.weak is None:

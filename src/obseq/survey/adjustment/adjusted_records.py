@@ -310,16 +310,20 @@ class AdjustedPoints:
         found = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
         return np.where(self.points.is_invented, np.nan, found)
 
-    def columns(self) -> dict[str, Any]:
-        """Columns of their records."""
-        upper = self.covariances[:, ROWS, COLUMNS]
+    @property
+    def upper(self) -> FloatArray:
+        """(n, 6) covariances: xx, xy, xz, yy, yz, zz; NaN likewise."""
         invented = self.points.is_invented
-        upper[invented[:, ROWS] | invented[:, COLUMNS]] = np.nan
+        unknown = invented[:, ROWS] | invented[:, COLUMNS]
+        return np.where(unknown, np.nan, self.covariances[:, ROWS, COLUMNS])
+
+    def columns(self) -> dict[str, Column]:
+        """Columns of their records."""
         parts = {"": self.coordinates, "s": self.precisions}
         parts |= {"crs_": self.crs_coordinates, "crs_s": self.crs_precisions}
         columns = {f"{key}{axis}": part[:, k] for key, part in parts.items() for k, axis in enumerate("xyz")}
         names = Texts(np.arange(len(self.names), dtype=np.int32), list(self.names))
-        return {"name": names, **columns, "covariance": upper}
+        return {"name": names, **columns, "covariance": self.upper}
 
 
 @dataclass(frozen=True, eq=False)
