@@ -16,8 +16,9 @@ from obseq.errors import InputError
 from obseq.printable import printable
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
+from obseq.report import formats
 from obseq.report.adjusted import verdict
-from obseq.report.formats import FORMATS, LARGE, Format
+from obseq.report.formats import FORMATS, Format
 from obseq.report.said import plain
 from obseq.report.summary import SHOWN, in_text, summary
 from obseq.writing import write_all
@@ -55,9 +56,10 @@ def add_result_arguments(command: argparse.ArgumentParser) -> None:
     """Add what says where results are written: a folder for all, or a file per format."""
     results = command.add_argument_group("results")
     usual, large = (
-        ", ".join(f"{STEM}{form.suffix}" for form in FORMATS if form.suits(size)) for size in (0, LARGE + 1)
+        ", ".join(f"{STEM}{form.suffix}" for form in FORMATS if form.suits(size))
+        for size in (0, formats.LARGE + 1)
     )
-    purpose = f"folder for {usual}; of more than {LARGE} observations, for {large}"
+    purpose = f"folder for {usual}; of more than {formats.LARGE} observations, for {large}"
     results.add_argument("--out", type=Path, metavar="DIR", help=purpose)
     add_units(results)
     add_detail(results)
@@ -112,13 +114,13 @@ def left_out(size: int, outputs: Outputs) -> str:
     """Which files of a folder are not written, and how to get them; empty where all are."""
     written = suiting(size, outputs)
     spared = [output for output in outputs if output not in written]
-    if size <= LARGE or not spared:
+    if size <= formats.LARGE or not spared:
         return ""
     columns = next(output.path for output in written if output.form.sizes == "large")
     names = " and ".join(output.path.name for output in spared)
     options = " ".join(f"--{output.form.name} FILE" for output in spared)
     return (
-        f"Not written, as there are more than {LARGE} observations: {names}, nor kept of an earlier run; "
+        f"Not written, as there are more than {formats.LARGE} observations: {names}, nor kept of an earlier run; "
         f"obseq report {columns} {options} writes them\n"
     )
 
