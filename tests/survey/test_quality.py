@@ -57,7 +57,7 @@ def test_redundancy_numbers_sum_up_and_standardise_the_residuals(demo) -> None:
 
 def test_nothing_is_computed_that_was_not_asked_for(demo, monkeypatch) -> None:
     monkeypatch.setattr("obseq.survey.fieldwork.snooped", None)
-    for name in ("reliability", "variance_components", "relative_precision"):
+    for name in ("reliability", "_components", "relative_precision"):
         monkeypatch.setattr(f"obseq.survey.adjustment.quality.{name}", None)
     record = demo.adjust(quality=Quality(reliability=False)).record()
     assert (record.reliability, record.snooping, record.variance_components, record.relative) == (None,) * 4

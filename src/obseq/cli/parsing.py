@@ -1,7 +1,6 @@
 """What the subcommands share when they declare their arguments."""
 
 import argparse
-import difflib
 import math
 import os
 import re
@@ -184,6 +183,8 @@ class CommandParser(Parser):
 
 def meant(word: str, known: Iterable[str]) -> str:
     """What a misspelt word may have been, as the end of a sentence; nothing where no known one is near."""
+    import difflib
+
     folded = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), folded, n=1, cutoff=0.6)
     return f"; did you mean {folded[near[0]]}?" if near else ""

@@ -55,11 +55,10 @@ Outputs = Sequence[Output]
 def add_result_arguments(command: argparse.ArgumentParser) -> None:
     """Add what says where results are written: a folder for all, or a file per format."""
     results = command.add_argument_group("results")
-    usual, large = (
-        ", ".join(f"{STEM}{form.suffix}" for form in FORMATS if form.suits(size))
-        for size in (0, formats.LARGE + 1)
-    )
-    purpose = f"folder for {usual}; of more than {formats.LARGE} observations, for {large}"
+    most = formats.LARGE
+    sizes = ([form for form in FORMATS if form.suits(size)] for size in (0, most + 1))
+    usual, large = (", ".join(f"{STEM}{form.suffix}" for form in chosen) for chosen in sizes)
+    purpose = f"folder for {usual}; of more than {most} observations, for {large}"
     results.add_argument("--out", type=Path, metavar="DIR", help=purpose)
     add_units(results)
     add_detail(results)
@@ -120,8 +119,8 @@ def left_out(size: int, outputs: Outputs) -> str:
     names = " and ".join(output.path.name for output in spared)
     options = " ".join(f"--{output.form.name} FILE" for output in spared)
     return (
-        f"Not written, as there are more than {formats.LARGE} observations: {names}, nor kept of an earlier run; "
-        f"obseq report {columns} {options} writes them\n"
+        f"Not written, as there are more than {formats.LARGE} observations: {names}, nor kept of an earlier "
+        f"run; obseq report {columns} {options} writes them\n"
     )
 
 

@@ -6,7 +6,6 @@ Records with `omit_defaults=False` have all their keys there.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, TypeVar, get_args, get_origin
@@ -25,6 +24,8 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True):
 
 def to_plain(record: Record) -> dict[str, Any]:
     """The plain form of what a file of ours holds: its `format` and `version` come first."""
+    import json
+
     plain: dict[str, Any] = json.loads(encoded(record))
     return {key: plain.pop(key) for key in ("format", "version") if key in plain} | plain
 
@@ -53,6 +54,8 @@ def encoded(value: object) -> str:
     try:
         return msgspec.json.encode(value, enc_hook=_plain).decode()
     except UnicodeEncodeError:  # the name of a file that is no text
+        import json
+
         return json.dumps(msgspec.to_builtins(value, enc_hook=_plain))
 
 

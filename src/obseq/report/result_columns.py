@@ -7,10 +7,10 @@ a list of texts, `texts.NUMBER.json`. What a column holds: `obseq.records.column
 
 from __future__ import annotations
 
-import hashlib
 import json
 import zipfile
 import zlib
+from hashlib import sha256
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, TypeVar
 
@@ -159,7 +159,7 @@ class _Writer:
     def _table(self, names: list[str]) -> str:
         """The member that holds some texts."""
         content = encoded(names).encode()
-        digest = hashlib.sha256(content).digest()
+        digest = sha256(content).digest()
         if digest not in self._tables:
             self._tables[digest] = f"texts.{len(self._tables)}.json"
             with self._open(self._tables[digest]) as file:

@@ -12,6 +12,7 @@ from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.cli.images.bundle_sources import DATUMS, add_sources, inputs, read_block
+from obseq.cli.in_blocks import add_blocks_arguments, blocks_of, ended
 from obseq.cli.parsing import (
     Commands,
     add_command,
@@ -149,10 +150,17 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
     computation.add_argument(
         "--threads", type=positive_integer, default=1, metavar="N", help="how many share the work"
     )
+    add_blocks_arguments(command)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
+    arguments.blocks = blocks_of(arguments)
+    with ended(arguments.blocks):
+        return _adjusted(arguments)
+
+
+def _adjusted(arguments: argparse.Namespace) -> int:
     outputs = _outputs(arguments)
     second = _second(outputs).values() if arguments.without_accused else ()
     others = [path for writer, place in _asked(arguments) for path in writer.places(place)]
@@ -297,7 +305,7 @@ def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> Opt
     """What the command line says of the solution."""
     given = {"strategy": arguments.strategy} if arguments.strategy else {}
     limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
-    return {"datum": datum, "threads": arguments.threads, **limits, **given}
+    return {"datum": datum, "threads": arguments.threads, "blocks": arguments.blocks, **limits, **given}
 
 
 def _solve(block: BundleAdjustment, options: Options, progress: Progress) -> BundleSolution:

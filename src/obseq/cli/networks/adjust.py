@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec import structs
 
 from obseq.boundary import Boundary
+from obseq.cli.in_blocks import add_blocks_arguments, blocks_of, ended
 from obseq.cli.networks.network_files import COMMON, Source, add_network_arguments, given, source_of
 from obseq.cli.networks.quality import add_quality_arguments, quality_of
 from obseq.cli.parsing import Commands, add_command, add_iterations
@@ -149,6 +150,7 @@ def register(commands: Commands) -> None:
     )
     command.add_argument("--title", metavar="TEXT", help="what the reports call this adjustment")
     add_quality_arguments(command)
+    add_blocks_arguments(command)
     add_result_arguments(command)
     command.add_argument(
         "--sinex", type=Path, metavar="FILE", help="also adjusted points with their whole covariance (SINEX)"
@@ -164,6 +166,7 @@ def run(arguments: argparse.Namespace) -> int:
         "strict": arguments.strict,
         "quality": quality_of(arguments),
         "datum": _datum(arguments),
+        "blocks": blocks_of(arguments),
     }
     return adjust(
         Request(
@@ -193,6 +196,11 @@ def _datum(arguments: argparse.Namespace) -> Any:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
+    with ended(request.solving.get("blocks")):
+        return _adjusted(request)
+
+
+def _adjusted(request: Request) -> int:
     second = request.second() if request.without_accused else None
     check_writable([*request.places, *(second.places if second else ())], request.source.files)
     with Progress("starting") as progress:

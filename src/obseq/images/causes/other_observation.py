@@ -10,7 +10,17 @@ from obseq.images.adjustment.quality import EquationNames
 from obseq.images.causes.cause import Cause, Members
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.diagnosis.protocol import Change, Slip
+    from obseq.images.causes.evidence import Evidence
     from obseq.images.causes.numbering import Numbering
+    from obseq.images.causes.survey_equations import SurveyEquation
+
+
+def survey_equation(numbering: Numbering, label: tuple[int, ...]) -> SurveyEquation | None:
+    """The observation of a survey that a hypothesis accuses; None where it is another one."""
+    return numbering.of_surveys.of(numbering.others[label[0]].source, label[1])
 
 
 def _where(numbering: Numbering) -> Members:
@@ -26,19 +36,28 @@ def _where(numbering: Numbering) -> Members:
 
 
 def _words(numbering: Numbering, label: tuple[int, ...]) -> str:
+    if found := survey_equation(numbering, label):
+        return found.what
     names = EquationNames(numbering.equations, numbering.surveys)
     return names.of(numbering.others[label[0]].source, label[1], 0, 0.0).name
+
+
+def _slips(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:
+    if found := survey_equation(evidence.numbering, label):
+        yield from found.slips(change)
 
 
 OTHER = Cause(
     "I180",
     "other observation",
-    "A length, an observed pose or a reading of an instrument contradicts the rest.",
+    "A length, an observed pose or a reading of an instrument contradicts the rest; one of a "
+    "survey has its own code.",
     "A value was mistyped, or belongs to other points.",
     "Correct the value, or leave it out.",
     "",
     0.0,
     _where,
     _words,
+    _slips,
     is_start=True,
 )

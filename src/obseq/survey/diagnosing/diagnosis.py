@@ -11,7 +11,6 @@ from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.verdict import Status
 from obseq.records.diagnosis import DiagnosisRecord
-from obseq.survey.diagnosing.rewritings import best_rewriting
 from obseq.survey.diagnosing.words import accused, rewriting_record
 
 if TYPE_CHECKING:
@@ -78,6 +77,8 @@ def record_of(
     count = max(len(found.verdict.accused), found.verdict.many)
     if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and count <= _FEW:
         return found.record()
+    from obseq.survey.diagnosing.rewritings import best_rewriting
+
     trial = best_rewriting(model, begin, of, is_many=count > _FEW)
     rest = None if trial is None else diagnosis_of(of(trial.start), units, policy).record()
     if found.verdict.many and (rest is None or rest.status not in ("accepted", "explained")):
