@@ -17,12 +17,11 @@ from obseq.records.adjustment import (
     PhaseRecord,
     PointRecord,
 )
-from obseq.records.columns import NO_CODE, Texts, texts_of
+from obseq.records.columns import NO_CODE, Texts
 from obseq.records.rows import Rows
 from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.survey.adjustment.adjusted_quality import ellipse_columns
 from obseq.survey.adjustment.adjusted_records import (
-    IN_PLAN,
     Fit,
     by_setup,
     by_type,
@@ -30,8 +29,6 @@ from obseq.survey.adjustment.adjusted_records import (
     ellipsoid_columns,
     finite,
     global_test_record,
-    known_letters,
-    moves,
     reliability_columns,
     unused_azimuths,
 )
@@ -237,10 +234,8 @@ class Adjustment(Asked):
 
     def _points(self) -> Rows[PointRecord]:
         points, n = self.points, len(self.points.names)
-        columns = points.columns()
-        columns |= ellipse_columns(self._ellipses(), np.isfinite(points.upper[:, IN_PLAN]).min(axis=1))
-        columns["known"] = texts_of(known_letters(points.points))
-        columns |= moves(points.points, points.places, {item.name for item in self.replaced})
+        columns = points.columns({item.name for item in self.replaced})
+        columns |= ellipse_columns(self._ellipses(), points.has_plan)
         if self.quality.ellipsoids and self.solution.weak is None:
             redundancy = None if self.quality.a_priori else self.solution.redundancy
             columns |= ellipsoid_columns(

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.crs import CoordinateSystem
     from obseq.leastsquares import LeastSquaresResult
     from obseq.records.columns import Column
@@ -264,16 +264,18 @@ def reliability_columns(numbers: ReliabilityNumbers | None) -> dict[str, Column]
     """Columns of observations that say how reliable they are, if that was asked for."""
     if numbers is None:
         return {}
-    return {
-        "redundancy": finite(numbers.redundancy),
-        "standardised_residual": finite(numbers.standardised),
-        "tau": finite(numbers.tau),
-        "detectable": finite(numbers.detectable),
-        "external": finite(numbers.external),
-        "blunder": finite(numbers.blunder),
-    }
+    return {name: finite(getattr(numbers, field)) for name, field in RELIABILITY.items()}
 
 
+RELIABILITY = {
+    "redundancy": "redundancy",
+    "standardised_residual": "standardised",
+    "tau": "tau",
+    "detectable": "detectable",
+    "external": "external",
+    "blunder": "blunder",
+}
+"""Columns of observations, and where they come from."""
 ROWS, COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
 """Of the upper triangle of a covariance."""
 IN_PLAN = [0, 1, 3]
@@ -322,13 +324,21 @@ class AdjustedPoints:
         unknown = invented[:, ROWS] | invented[:, COLUMNS]
         return np.where(unknown, np.nan, self.covariances[:, ROWS, COLUMNS])
 
-    def columns(self) -> dict[str, Column]:
-        """Columns of their records."""
+    @property
+    def has_plan(self) -> BoolArray:
+        """(n,) which have a place in plan."""
+        unknown = np.asarray(np.isnan(self.upper[:, IN_PLAN]).any(axis=1))
+        return ~unknown
+
+    def columns(self, placeholders: Collection[str] = ()) -> dict[str, Column]:
+        """Columns of their records, but for ellipses; placeholders (names) did not move."""
         parts = {"": self.coordinates, "s": self.precisions}
         parts |= {"crs_": self.crs_coordinates, "crs_s": self.crs_precisions}
         columns = {f"{key}{axis}": part[:, k] for key, part in parts.items() for k, axis in enumerate("xyz")}
         names = Texts(np.arange(len(self.names), dtype=np.int32), list(self.names))
-        return {"name": names, **columns, "covariance": self.upper}
+        known = {"known": texts_of(known_letters(self.points))}
+        moved = moves(self.points, self.places, placeholders)
+        return {"name": names, **columns, "covariance": self.upper, **known, **moved}
 
 
 @dataclass(frozen=True, eq=False)
