@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from msgspec import structs
 
-from obseq.cli.parsing import Commands, add_command, say
+from obseq.cli.parsing import Commands, add_command
 from obseq.cli.results import (
     INCOMPLETE,
     Outputs,
@@ -16,8 +16,10 @@ from obseq.cli.results import (
     detail_of,
     forget,
     in_units,
+    not_written,
     outputs_of,
     show,
+    show_adjustment,
     suiting,
     write,
 )
@@ -29,10 +31,14 @@ from obseq.records.record import from_plain
 from obseq.records.shown_units import chosen_units
 from obseq.report.result_columns import write_columns
 from obseq.report.result_file import read_plain, write_json
+from obseq.report.summary import listing
 from obseq.writing import Content, check_writable, write_all
 
 STEMS = {"obseq-bundle": "bundle", "obseq-plan": "plan", "obseq-comparison": "comparison"}
 """Names of files in a folder, by the format of the result; of adjustments that of all others."""
+
+SMALL = ("obseq-plan", "obseq-comparison")
+"""Formats of results that are never columns."""
 
 Kind = TypeVar("Kind", PlanRecord, ComparisonRecord)
 
@@ -65,62 +71,68 @@ def run(arguments: argparse.Namespace) -> int:
     plain = read_plain(arguments.result)
     kind = str(plain.get("format")) if isinstance(plain, dict) else ""
     outputs = outputs_of(arguments, STEMS.get(kind))
-    check_writable([output.path for output in outputs], [arguments.result])
+    check_writable([path for path, _ in outputs], [arguments.result])
     ways = {"obseq-bundle": _block, "obseq-plan": _plan, "obseq-comparison": _comparison}
+    if kind in SMALL:
+        outputs = suiting(0, outputs)
     return ways.get(kind, _network)(plain, arguments, outputs)
 
 
 def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
-    check_writable([output.path for output in outputs], map(Path, record.files or ()))
+    check_writable([path for path, _ in outputs], map(Path, record.files or ()))
     record = write(record, outputs)
-    show(record, outputs, detail=detail_of(arguments))
+    show_adjustment(record, outputs, detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
 
 
 def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a block of images."""
     from obseq.images.output.block_record import block_record_of
-    from obseq.images.output.page import page
-    from obseq.images.output.summary import summary
+    from obseq.images.output.page import outcome, page
 
     if arguments.units:
         raise InputError("--units: reports of blocks of images are in the unit of their world, and in pixels")
     record = block_record_of(plain, str(arguments.result))
-    told = summary(record, _names(suiting(len(record.residuals.image), outputs)))
-    writers: dict[str, Callable[[], Content]] = {
-        "text": lambda: told,
+    found = outcome(record)
+    size = len(record.residuals.image)
+    texts: dict[str, Callable[[], Content]] = {
+        "text": lambda: listing(found),
         "json": lambda: partial(write_json, record=record),
         "html": lambda: page(record),
         "npz": lambda: partial(write_columns, record=record),
     }
-    size = len(record.residuals.image)
-    chosen = suiting(size, outputs)
-    _write({output.form.name: writers[output.form.name]() for output in chosen}, told, chosen)
+    _write(texts, suiting(size, outputs))
     forget(size, outputs)
+    show(found, _paths(suiting(size, outputs)), detail_of(arguments))
+    if text := not_written(size, outputs):
+        print(text)
     return 0 if record.is_complete else INCOMPLETE
 
 
 def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a plan."""
     from obseq.cli.networks.plan import exit_code, texts_of
-    from obseq.report.planning import plan_summary
+    from obseq.report.planned import outcome
 
     record = _read(PlanRecord, plain, arguments)
     record = structs.replace(record, adjustment=in_units(record.adjustment, arguments))
-    _write(texts_of(record), plan_summary(record, _names(outputs)), outputs)
+    _write(texts_of(record), outputs)
+    show(outcome(record), _paths(outputs), detail_of(arguments))
     return exit_code(record)
 
 
 def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a comparison."""
-    from obseq.cli.networks.compare import reasons_of, texts_of
-    from obseq.report.comparison import comparison_summary
+    from obseq.cli.networks.compare import exit_code, texts_of
+    from obseq.report.compared import outcome
 
     record = _read(ComparisonRecord, plain, arguments)
     record = structs.replace(record, units=chosen_units(arguments.units, record.units))
-    _write(texts_of(record), comparison_summary(record, _names(outputs)), outputs)
-    return INCOMPLETE if any(reasons_of(record, [])) else 0
+    _write(texts_of(record), outputs)
+    found = outcome(record)
+    show(found, _paths(outputs), detail_of(arguments))
+    return exit_code(found)
 
 
 def _read(kind: type[Kind], plain: object, arguments: argparse.Namespace) -> Kind:
@@ -133,18 +145,16 @@ def _read(kind: type[Kind], plain: object, arguments: argparse.Namespace) -> Kin
     return from_plain(kind, plain, str(arguments.result))
 
 
-def _names(outputs: Outputs) -> list[str]:
-    return [str(output.path) for output in outputs]
+def _paths(outputs: Outputs) -> list[Path]:
+    return [path for path, _ in outputs]
 
 
-def _write(texts: Mapping[str, Content], told: str, outputs: Outputs) -> None:
-    """Write the reports by the names of their formats, and print the summary.
+def _write(texts: Mapping[str, Callable[[], Content]], outputs: Outputs) -> None:
+    """Write the reports by the names of their formats.
 
     Raises:
         InputError: a format is asked for that this result is not written in.
     """
-    if lacking := [output for output in outputs if output.is_asked and output.form.name not in texts]:
-        raise InputError(f"--{lacking[0].form.name}: only networks and blocks are written as columns")
-    outputs = [output for output in outputs if output.form.name in texts]
-    write_all({output.path: texts[output.form.name] for output in outputs})
-    say(told, [output.path for output in outputs])
+    if lacking := [form.name for _, form in outputs if form.name not in texts]:
+        raise InputError(f"--{lacking[0]}: only networks and blocks are written as columns")
+    write_all({path: texts[form.name]() for path, form in outputs})

@@ -1,31 +1,28 @@
 """Where the results of a command go: the options that say so, and the writing."""
 
 import argparse
+import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from msgspec import structs
 
 from obseq.boundary import Boundary
-from obseq.cli.parsing import coloured, output_file, say
-from obseq.dataclass import dataclass
+from obseq.cli.parsing import coloured, output_file
 from obseq.errors import InputError
-from obseq.printable import printable
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report import formats
-from obseq.report.adjusted import verdict
 from obseq.report.formats import FORMATS, Format
-from obseq.report.said import plain
-from obseq.report.summary import SHOWN, in_text, summary
-from obseq.writing import write_all
+from obseq.report.summary import USUAL, Detail, told
+from obseq.writing import STANDARD_OUTPUT, write_all
 
 if TYPE_CHECKING:
-    from obseq.report.head import Page
-    from obseq.report.units import Units
+    from obseq.report.summary import Outcome
     from obseq.survey import Network
 
 INCOMPLETE = 1
@@ -34,22 +31,7 @@ INCOMPLETE = 1
 STEM = "adjustment"
 """Name of the files in a folder of results."""
 
-
-class Output(NamedTuple):
-    """A file of results.
-
-    Attributes:
-        path: Where.
-        form: Its format.
-        is_asked: Whether it was asked for by itself, and is written whatever its size.
-    """
-
-    path: Path
-    form: Format
-    is_asked: bool = False
-
-
-Outputs = Sequence[Output]
+Outputs = Sequence[tuple[Path, Format]]
 
 
 def add_result_arguments(command: argparse.ArgumentParser) -> None:
@@ -89,83 +71,52 @@ def shown_in(network: "Network", words: Iterable[str]) -> "Network":
 
 
 def outputs_of(arguments: argparse.Namespace, stem: str | None = None) -> Outputs:
-    """Where each format goes: in the folder of --out, unless a file is named."""
+    """Where each format goes: in the folder of --out, unless a file is named: then whatever the size is."""
     inside = dict(_inside(arguments.out, stem or STEM)) if arguments.out else {}
     asked = {form: getattr(arguments, form.name) for form in FORMATS}
-    return [
-        Output(path, form, asked[form] is not None)
-        for form in FORMATS
-        if (path := asked[form] or inside.get(form))
-    ]
+    named = [(path, replace(form, sizes="all")) for form, path in asked.items() if path]
+    return [*named, *((path, form) for form, path in inside.items() if not asked[form])]
 
 
 def outputs_in(folder: Path) -> Outputs:
     """All formats, in a folder."""
-    return [Output(path, form) for form, path in _inside(folder, STEM)]
+    return [(path, form) for form, path in _inside(folder, STEM)]
 
 
 def suiting(size: int, outputs: Outputs) -> Outputs:
     """Those that a result of so many observations is written in."""
-    return [output for output in outputs if output.is_asked or output.form.suits(size)]
+    return [(path, form) for path, form in outputs if form.suits(size)]
 
 
-def left_out(size: int, outputs: Outputs) -> str:
-    """Which files of a folder are not written, and how to get them; empty where all are."""
-    written = suiting(size, outputs)
-    spared = [output for output in outputs if output not in written]
+def not_written(size: int, outputs: Outputs) -> str:
+    """Which files of the folder of a large result are not written, and how to get them."""
+    spared = [(path, form) for path, form in outputs if not form.suits(size)]
     if size <= formats.LARGE or not spared:
         return ""
-    columns = next(output.path for output in written if output.form.sizes == "large")
-    names = " and ".join(output.path.name for output in spared)
-    options = " ".join(f"--{output.form.name} FILE" for output in spared)
+    columns = next(path for path, form in outputs if form.name == "npz")
+    names = " and ".join(path.name for path, _ in spared)
+    options = " ".join(f"--{form.name} FILE" for _, form in spared)
     return (
         f"Not written, as there are more than {formats.LARGE} observations: {names}, nor kept of an earlier "
-        f"run; obseq report {columns} {options} writes them\n"
+        f"run; obseq report {columns} {options} writes them"
     )
 
 
 def forget(size: int, outputs: Outputs) -> None:
     """Delete what an earlier run left in the folder in formats that this result is not written in."""
-    written = suiting(size, outputs)
-    for output in outputs:
-        if output not in written and output.path.is_file():
-            output.path.unlink()
-
-
-def add_quiet(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    """Add what leaves the verdict alone of what is printed."""
-    group.add_argument("-q", "--quiet", action="store_true", help="print the verdict alone")
-
-
-def print_verdict(page: "Page", units: "Units", written: Iterable[Path]) -> None:
-    """Print the sentence that the page begins with, in its colour, and what was written."""
-    sentence = in_text(plain(page.verdict.text, units))
-    print(printable(coloured(sentence, {sentence: page.verdict.level})))
-    if names := ", ".join(map(str, written)):
-        print(printable(f"Written: {names}"))
+    for path, form in outputs:
+        if not form.suits(size) and path.is_file():
+            path.unlink()
 
 
 def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add what says how much is printed."""
-    add_quiet(group)
+    group.add_argument("-q", "--quiet", action="store_true", help="print the verdict alone")
     group.add_argument(
-        "-v", "--verbose", action="store_true", help="print iterations, residuals, all notes, times"
+        "-v", "--verbose", action="store_true", help="print all findings, iterations, worst residuals, times"
     )
-    purpose = "print tables as well, of points, observations or known coordinates"
-    group.add_argument("--show", nargs="+", choices=SHOWN, metavar="TABLE", default=(), help=purpose)
-
-
-@dataclass(frozen=True)
-class Detail:
-    """How much is printed.
-
-    Attributes:
-        amount: "quiet", "usual" or "verbose".
-        shown: Tables that are printed as well.
-    """
-
-    amount: str = "usual"
-    shown: tuple[str, ...] = ()
+    purpose = "print tables of the page as well: points, residuals, ..."
+    group.add_argument("--show", nargs="+", metavar="TABLE", default=(), help=purpose)
 
 
 def detail_of(arguments: argparse.Namespace) -> Detail:
@@ -176,19 +127,33 @@ def detail_of(arguments: argparse.Namespace) -> Detail:
     return Detail(amount, tuple(arguments.show))
 
 
-USUAL = Detail()
-
-
 def show(
-    record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = (), detail: Detail = USUAL
+    outcome: "Outcome",
+    written: Iterable[Path] = (),
+    detail: Detail = USUAL,
+    seconds: Mapping[str, float] | None = None,
 ) -> None:
-    """Print the summary, and what was written: other files first."""
+    """Print the summary, on standard error where a result is printed: that may be read by a program."""
+    paths = list(written)
+    stream = sys.stderr if STANDARD_OUTPUT in paths else sys.stdout
+    for line, level in told(outcome, [str(path) for path in paths], detail, seconds):
+        print(coloured(line, level, stream), file=stream)
+
+
+def show_adjustment(
+    record: AdjustmentRecord, outputs: Outputs, detail: Detail = USUAL, others: Iterable[Path] = ()
+) -> None:
+    """The same of a network; other files come first."""
+    from obseq.report.adjusted import outcome
+
+    begun = time.perf_counter()
+    seconds = {phase.name: phase.seconds for phase in record.phases or ()}
+    found = outcome(record)
+    seconds["summary"] = time.perf_counter() - begun
     size = len(record.observations)
-    paths = [*others, *(output.path for output in suiting(size, outputs))]
-    text = summary(record, [str(path) for path in paths], detail.amount, detail.shown)
-    text += left_out(size, outputs)
-    judged = verdict(record)
-    say(coloured(text, {judged.text: judged.level}), paths)
+    show(found, [*others, *(path for path, _ in suiting(size, outputs))], detail, seconds)
+    if text := not_written(size, outputs):
+        print(text)
 
 
 def write(
@@ -196,7 +161,7 @@ def write(
 ) -> AdjustmentRecord:
     """Write all the results that can be made, other files among them; the record with what cannot."""
     boundary, size = Boundary(), len(record.observations)
-    writers = {output.path: partial(output.form.write, record) for output in suiting(size, outputs)}
+    writers = {path: partial(form.write, record) for path, form in suiting(size, outputs)}
     write_all({**(others or {}), **boundary.texts(writers)}, boundary.tell)
     forget(size, outputs)
     told = tuple(boundary.failures)

@@ -48,6 +48,7 @@ class JointSolution(Solved):
 
     def report(self) -> str:
         """The complete listing, as of networks."""
-        from obseq.report.listing import listing
+        from obseq.report.adjusted import outcome
+        from obseq.report.summary import listing
 
-        return listing(self.record())
+        return listing(outcome(self.record()))

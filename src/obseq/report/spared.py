@@ -21,7 +21,7 @@ POINTS = (
 """Columns of points that are precisions."""
 PAIRS = ("precision", "bearing_precision", "ellipse.semi_major", "ellipse.semi_minor")
 """Those of pairs of points."""
-GIVEN = "from the given sigmas, as the suspected errors spoil sigma0"
+GIVEN = "from the given sigmas"
 
 
 def spared(record: AdjustmentRecord) -> AdjustmentRecord:

@@ -7,9 +7,9 @@ from pathlib import Path
 from msgspec import structs
 
 from obseq.boundary import Boundary
-from obseq.cli.parsing import Commands, add_command, output_file, say
+from obseq.cli.parsing import Commands, add_command, output_file
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE
+from obseq.cli.results import INCOMPLETE, show
 from obseq.writing import check_writable, write_all
 
 MORE = """
@@ -63,9 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
         from obseq.images.causes.diagnosing import diagnosed
         from obseq.images.causes.refusals import explained
         from obseq.images.output.clouds import ply
-        from obseq.images.output.page import page
+        from obseq.images.output.page import outcome, page
         from obseq.images.output.record import record_of
-        from obseq.images.output.summary import summary
         from obseq.project.assembly import assembled
         from obseq.project.results import Results
 
@@ -91,5 +90,5 @@ def run(arguments: argparse.Namespace) -> int:
         check_writable(files)
         write_all(files)
     written = [tree.folder("Ori", arguments.out), *reports]
-    say(summary(record, [str(path) for path in written]), reports)
+    show(outcome(record), written)
     return 0 if record.is_complete else INCOMPLETE

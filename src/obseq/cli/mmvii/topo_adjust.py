@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 from obseq.cli.mmvii.tree_command import Files
 from obseq.cli.parsing import Commands, add_command, say
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_result_arguments, detail_of, outputs_of, show, shown_in, write
+from obseq.cli.results import (
+    INCOMPLETE,
+    add_result_arguments,
+    detail_of,
+    outputs_of,
+    show_adjustment,
+    shown_in,
+    write,
+)
 from obseq.errors import InputError
 from obseq.writing import check_writable
 
@@ -51,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     options, tree = parse_options(arguments.options, TOPO), ProjectTree.at(arguments.project)
     outputs = outputs_of(arguments)
-    check_writable([output.path for output in outputs])
+    check_writable([path for path, _ in outputs])
     with Progress("reading") as progress:
         from obseq.project.networks import control_of, network_of, survey_points
         from obseq.project.topo import read_topo, said_of_those_without_place
@@ -73,8 +81,8 @@ def run(arguments: argparse.Namespace) -> int:
     lines = [f"Topo sigma0: {'undefined' if s is None else f'{s:g}'} ({count} obs)" for s in sigmas]
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
-    say("".join(f"{line}\n" for line in lines), [output.path for output in outputs])
-    show(record, outputs, list(files), detail_of(arguments))
+    say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
+    show_adjustment(record, outputs, detail_of(arguments), files)
     return 0 if record.is_complete else INCOMPLETE
 
 

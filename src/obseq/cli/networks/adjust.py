@@ -18,12 +18,11 @@ from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.results import (
     INCOMPLETE,
-    Detail,
     Outputs,
     add_result_arguments,
     detail_of,
     outputs_of,
-    show,
+    show_adjustment,
     shown_in,
     write,
 )
@@ -31,6 +30,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.printable import composed, printable
 from obseq.records.adjustment import AdjustmentRecord, PhaseRecord
+from obseq.report.summary import USUAL, Detail
 from obseq.stopwatch import Stopwatch
 from obseq.writing import SECOND, STANDARD_OUTPUT, check_writable
 
@@ -78,13 +78,13 @@ class Request:
     estimated: Sequence[str] = ()
     units: Sequence[str] = ()
     without_accused: bool = False
-    detail: Detail = Detail()
+    detail: Detail = USUAL
 
     @property
     def places(self) -> list[Path]:
         """Where something is written."""
         sinex = [] if self.sinex is None else [self.sinex]
-        return [*(output.path for output in self.outputs), *sinex]
+        return [*(path for path, _ in self.outputs), *sinex]
 
     def second(self) -> "Request":
         """The request of the adjustment without what is accused: its results go beside the first ones.
@@ -96,7 +96,7 @@ class Request:
             raise InputError("--without-accused writes two results: name a file in place of -")
         return replace(
             self,
-            outputs=[output._replace(path=_beside(output.path)) for output in self.outputs],
+            outputs=[(_beside(path), form) for path, form in self.outputs],
             title=f"{self.title}, without the accused" if self.title else "Without the accused",
             sinex=None if self.sinex is None else _beside(self.sinex),
         )
@@ -207,7 +207,7 @@ def _adjusted(request: Request) -> int:
         watch = Stopwatch(progress)
         network = _network(request, watch)
         record, others = _written(network, request, watch)
-    show(record, request.outputs, others, request.detail)
+    show_adjustment(record, request.outputs, request.detail, others)
     if second is not None:
         return _without_accused(network, record, second)
     return 0 if record.is_complete else INCOMPLETE
@@ -223,7 +223,7 @@ def _without_accused(network: "Network", first: AdjustmentRecord, request: Reque
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
     print()
-    show(record, request.outputs, others, request.detail)
+    show_adjustment(record, request.outputs, request.detail, others)
     return INCOMPLETE
 
 

@@ -12,7 +12,7 @@ from obseq.formats.columns import Columns, Measure
 from obseq.formats.levelled_points import hold_plans, with_heights
 from obseq.formats.project import Project
 from obseq.formats.tables.clusters import Clusters
-from obseq.formats.tables.table import CLUSTERED, Table, shown_in
+from obseq.formats.tables.table import CLUSTERED, OF_OBSERVATIONS, OF_POINTS, Table, shown_in
 from obseq.printable import printable
 from obseq.reading.text import LEAST_SIGMA, quoted, read_text
 from obseq.survey.kinds.coordinates import BARY_X, BARY_Y, BARY_Z, POINT_X, POINT_Y, POINT_Z
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from obseq.survey.kinds.formulas import FormulaKind
     from obseq.survey.kinds.kind import ObservationKind
 
-OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "value", "sigma")
 MORE_OF_POINTS = ("sx", "sy", "sz", "unit", "remark")
 MORE_OF_OBSERVATIONS = (
     *("unit", "backsight", "set", "orientation", "instrument", "relative_sigma", "from_height", "to_height"),

@@ -23,6 +23,7 @@ LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3} | METRES
 DEFAULT_UNITS = {True: "gon", False: "m"}
 OFF = {"": True, "1": True, "yes": True, "true": True, "0": False, "no": False, "false": False}
 DEGREES = frozenset({"deg", "sec", "arcsec"})
+OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "value", "sigma")
 CORRELATING = ("covariances", "correlations")
 CLUSTERED = ("cluster", *CORRELATING)
 """Columns of correlated rows: what they have in common, and the covariances with the rows before."""
@@ -55,7 +56,11 @@ class Table:
         missing = [name for name in wanted if name not in self.columns]
         unknown = [name for name in self.columns if name not in (*wanted, *more)]
         if missing:
-            raise self.file.error(self._rows.head, f"column {missing[0]} is missing")
+            raise self.file.error(
+                self._rows.head,
+                f"column {missing[0]} is missing; points have the columns {' '.join(OF_POINTS)}, "
+                f"observations {' '.join(OF_OBSERVATIONS)}",
+            )
         if unknown:
             known = ", ".join((*wanted, *more))
             raise self.file.error(
