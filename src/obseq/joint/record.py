@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from obseq.joint.named import NamedEquation
     from obseq.joint.solution import Solved
-    from obseq.leastsquares import Batch, Reliability
+    from obseq.leastsquares import Batch, LeastSquaresResult, Reliability
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
     from obseq.records.diagnosis import DiagnosisRecord, SuspectRecord
@@ -86,24 +86,8 @@ def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
         notes.append(NOT_LISTED.format(", ".join(listed.not_listed)))
     types = [*(row for record in records for row in record.types or ()), *_types(solution, tests)]
     head = records[0] if records else None
-    empty = AdjustmentRecord(
-        result.n_observations,
-        result.n_constraints,
-        result.n_unknowns,
-        result.redundancy,
-        tuple(IterationRecord(step.sigma0, step.max_step) for step in result.iterations),
-        result.sigma0,
-        result.converged,
-        "Local",
-        "Local",
-        Rows(PointRecord),
-        Rows(StationRecord),
-        Rows(ObservationRecord),
-        setups=(),
-        operations=(),
-    )
     return structs.replace(
-        head or empty,
+        head or _empty(result),
         points=_points(solution, [record.points for record in records]),
         stations=Rows.joined(StationRecord, [record.stations for record in records]),
         observations=observations,
@@ -129,6 +113,26 @@ def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
         diagnosis=_placed(solution.diagnosis, places, observations),
         run=new_run(),
         title=title,
+    )
+
+
+def _empty(result: LeastSquaresResult) -> AdjustmentRecord:
+    """The record of an adjustment without any survey."""
+    return AdjustmentRecord(
+        result.n_observations,
+        result.n_constraints,
+        result.n_unknowns,
+        result.redundancy,
+        tuple(IterationRecord(step.sigma0, step.max_step) for step in result.iterations),
+        result.sigma0,
+        result.converged,
+        "Local",
+        "Local",
+        Rows(PointRecord),
+        Rows(StationRecord),
+        Rows(ObservationRecord),
+        setups=(),
+        operations=(),
     )
 
 
