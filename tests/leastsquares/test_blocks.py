@@ -13,6 +13,8 @@ from obseq.leastsquares import Blocks, LeastSquares, reliability, variance_compo
 from obseq.leastsquares.blocks import files, tasks
 from obseq.leastsquares.blocks.memory import bytes_of
 from obseq.leastsquares.blocks.partition import Tree, entries_of
+from obseq.leastsquares.blocks.solver import BlockSolver
+from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 
 
 def network(solver="auto", n=12):
@@ -198,6 +200,25 @@ def test_each_entry_is_in_one_part_and_what_it_joins_is_there_or_above():
             assert set(partition.parts[child].outer.tolist()) <= here
 
 
+def test_the_inverse_below_follows_what_changes_above():
+    system, points, true = network()
+    held(system, points, true)
+    equations = system.equations()
+    pattern, values = equations.pattern, equations.assemble().values.copy()
+    partition = Tree(pattern).parts(Tree(pattern).factor / 4)
+    whole = SupernodalCholesky()
+    whole.analyse(pattern)
+    with Blocks(parts=4) as blocks:
+        solver = BlockSolver(blocks.run)
+        solver.analyse(pattern)
+        for _ in range(2):
+            solver.factor(values)
+            whole.factor(values)
+            assert np.allclose(solver.selected_inverse(), whole.selected_inverse(), rtol=1e-8)
+            last = partition.unknowns[partition.parts[-1].own[-1]]
+            values[pattern.diagonal[last]] *= 1.5  # the parts below keep their values
+
+
 class Stopped(ThreadPoolExecutor):
     """Is stopped after some tasks."""
 
@@ -283,7 +304,7 @@ def test_a_worker_of_another_version_is_told():
 
 
 def test_memory_that_does_not_suffice_is_told():
-    with pytest.raises(InputError, match=r"memory of 10 MB: this process takes .* before the first part"):
+    with pytest.raises(InputError, match=r"memory of 10 MB: this process takes .* beside the parts: give"):
         in_blocks(memory="10 MB")
 
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 WORKER = 150_000_000
 """Bytes of a worker that has nothing to do: the interpreter and its libraries (measured)."""
+KEPT = 2 * 8
+"""Bytes of what stays for each entry of the matrix: its value, and that of its inverse."""
 SHARES = 4
 """Parts for each worker at least, so that none waits long for the others."""
 
@@ -101,6 +103,7 @@ class Run:
         except InputError:
             self._workers.close()
             raise
+        self._beside = 0
         self._end = finalize(self, _end, self._workers, self._claim, self.folder)
 
     def cut(self, tree: Tree, pattern: SymmetricPattern) -> Partition:
@@ -109,36 +112,24 @@ class Run:
         Raises:
             InputError: memory does not suffice, whatever the parts.
         """
-        share, room = float(tree.factor), self._room()
-        if self._wanted:
-            share = tree.factor / self._wanted
-        elif self._workers.count > 1:
-            share = tree.factor / (SHARES * self._workers.count)
-        share = min(share, room / ROOM)
+        self._beside = WORKER if self._workers.count else in_use() + KEPT * pattern.nnz
+        room = math.inf if self._memory is None else self._memory - self._beside
+        wanted = self._wanted or (SHARES * self._workers.count if self._workers.count > 1 else 1)
+        if room <= 0:
+            raise InputError(self._too_little(""))
+        share = min(tree.factor / wanted, room / ROOM)
         partition = tree.parts(share)
         while partition.room > room:
             finer = tree.parts(share / 2)
             if finer.room >= partition.room:
-                raise InputError(self._too_little(partition.room))
+                raise InputError(self._too_little(f", and the largest part {told(partition.room)}"))
             share, partition = share / 2, finer
         return partition
 
-    def _room(self) -> float:
-        """Bytes that a part may take."""
-        if self._memory is None:
-            return math.inf
-        used = WORKER if self._workers.count else in_use()
-        if used >= self._memory:
-            raise InputError(self._too_little(0))
-        return self._memory - used
-
-    def _too_little(self, room: int) -> str:
-        used = WORKER if self._workers.count else in_use()
+    def _too_little(self, part: str) -> str:
         where = "a worker" if self._workers.count else "this process"
-        return (
-            f"memory of {told(self._memory or 0)}: {where} takes {told(used)} before the first part, and the "
-            f"largest part {told(room)}: give more memory"
-        )
+        beside = f"{where} takes {told(self._beside)} beside the parts{part}"
+        return f"memory of {told(self._memory or 0)}: {beside}: give more memory"
 
     def analysed(self, partition: Partition, sizes: Sequence[tuple[int, int]]) -> None:
         """Tells what the parts are and take.
@@ -156,7 +147,7 @@ class Run:
         widest = max(len(part.own) + len(part.outer) for part in parts)
         self._tell(
             f"blocks: {n:,} unknowns in {len(parts)} parts of at most {widest:,}; memory of a part "
-            f"{told(partition.room)}, beside {told(WORKER if self._workers.count else in_use())}; "
+            f"{told(partition.room)}, beside {told(self._beside)}; "
             f"disk {told(disk)} in {self.folder}"
         )
         free = shutil.disk_usage(self.folder).free

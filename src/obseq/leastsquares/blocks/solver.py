@@ -65,12 +65,13 @@ class BlockSolver(BaseSolver):
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
         self._values_now = values
         self._tolerance = tolerance
-        partition, old = self._partition, set(self._keys)
+        partition, old = self._partition, self._keys
         self._keys = []
         for k, part in enumerate(partition.parts):
             below = [self._keys[child] for child in part.children]
             self._keys.append(digest_of(self._parts[k], tolerance, self._own_values(k), *below))
-        self._forget(old - set(self._keys))
+        if old != self._keys:
+            self._forget({*old, *self._inverse_names(old)} - set(self._keys))
         kept = [self._kept_defect(k) for k in range(len(self._keys))]
         found = [defect for defect in kept if defect is not None]
         if len(found) < len(kept):
@@ -81,6 +82,11 @@ class BlockSolver(BaseSolver):
         order = np.argsort(indices)
         weakest = min((one.weakest for one in found), default=1.0)
         return Defect(indices[order].astype(np.int64), pivots[order], weakest)
+
+    @staticmethod
+    def _inverse_names(keys: list[str]) -> list[str]:
+        """The name of the inverse of each part of a factor: it depends on all of them."""
+        return [digest_of(k, *keys) for k in range(len(keys))]
 
     def _own_values(self, k: int) -> FloatArray:
         places = np.fromfile(self._run.folder / f"places-{self._parts[k]}", np.int32)
@@ -150,11 +156,16 @@ class BlockSolver(BaseSolver):
         self._complete()
         selected, folder = np.empty(self.pattern.nnz), self._run.folder
 
+        names = self._inverse_names(self._keys)
+
         def take(k: int, _: None) -> None:
             places = np.fromfile(folder / f"places-{self._parts[k]}", np.int32)
-            selected[places] = read_numbers(folder / f"inverse-{self._keys[k]}")
+            selected[places] = read_numbers(folder / f"inverse-{names[k]}")
 
-        self._downwards(lambda k: (tasks.invert, self._parts[k], self._keys[k], self._keys_below(k)), take)
+        def below(k: int) -> tuple[str, ...]:
+            return tuple(names[child] for child in self._partition.parts[k].children)
+
+        self._downwards(lambda k: (tasks.invert, self._parts[k], self._keys[k], names[k], below(k)), take)
         return selected
 
     def _upwards(self, work: Callable[[int, list[Value]], tuple[Value, ...]]) -> list[Value]:

@@ -169,16 +169,19 @@ def _order(entries: int) -> int:
     return int((np.sqrt(8.0 * entries + 1.0) - 1.0) / 2.0 + 0.5)
 
 
-def invert(folder: Path, part: str, key: str, children: tuple[str, ...]) -> None:
-    """Writes the inverse at the entries of a part, and on the outer unknowns of each part below."""
-    place = folder / f"inverse-{key}"
+def invert(folder: Path, part: str, key: str, name: str, below: tuple[str, ...]) -> None:
+    """Writes the inverse at the entries of a part, and on the outer unknowns of each part below.
+
+    An inverse depends on the parts above too: it and those below have names of their own.
+    """
+    place = folder / f"inverse-{name}"
     if place.exists():
         return
     prepared, solver = _factored(folder, part, key)
     pattern = solver.pattern
-    given = read_numbers(folder / f"outer-{key}") if pattern.n > prepared.own else np.zeros(0)
+    given = read_numbers(folder / f"outer-{name}") if pattern.n > prepared.own else np.zeros(0)
     selected = solver.expand_inverse(_square(given))
-    for places, child in zip(prepared.children, children, strict=True):
+    for places, child in zip(prepared.children, below, strict=True):
         write_numbers(folder / f"outer-{child}", selected[places])
     write_numbers(place, selected[prepared.entries])
 
