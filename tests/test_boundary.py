@@ -137,5 +137,6 @@ def test_a_block_is_written_when_what_explains_it_fails(block, monkeypatch, caps
     assert _points(folder / "right.json")[0] == _points(folder / "found.json")[0]
     assert (folder / "points.csv").exists()
     shown = capsys.readouterr().out
-    assert f"{what} failed: ZeroDivisionError: a defect that was planted" in shown.replace(f"{folder}/", "")
+    told = " ".join(shown.split()).replace(f"{folder}/", "")
+    assert f"{what} failed: ZeroDivisionError: a defect that was planted" in told
     assert (folder / "block.html").exists() == (name != "page")

@@ -186,7 +186,7 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
 def _redundancy(record: AdjustmentRecord) -> Card:
     equations = record.n_observations + record.n_constraints
     each = f"{record.redundancy / equations:.2f} per equation" if equations else ""
-    known = record.observations.numbers("redundancy")[record.observations.truths("active")]
+    known = record.observations.numbers("redundancy")[record.observations.truths("active")].tolist()
     if record.reliability is None:
         return Card("redundancy", str(record.redundancy), each)
     to = Place("observations", filter="redundancy<0.3")
