@@ -81,6 +81,7 @@ def _worst_observations(record: AdjustmentRecord) -> IntArray:
     found = record.observations
     w = found.numbers("standardised_residual")
     sizes = np.nan_to_num(np.abs(np.where(np.isnan(w), found.numbers("normalised_residual"), w)))
+    sizes[~found.truths("active")] = 0.0
     sizes[[place.row for item in record.gross_errors for place in item.observations]] = np.inf
     if len(found) <= MOST:
         return np.arange(len(found))
