@@ -34,3 +34,8 @@ class Rewritten:
     points: Points
     book: FieldBook
     told: Callable[[FloatArray], str | None] = lambda _: ""
+
+    @property
+    def count(self) -> int:
+        """How many values it concerns: observations, and points."""
+        return len(self.rows) + 3 * len(self.known)
