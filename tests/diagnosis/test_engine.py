@@ -333,7 +333,7 @@ def test_more_rows_are_off_than_are_told_one_by_one_where_a_group_explains_them(
     assert [one.change.index for one in found.accused] == [N + 1]
 
 
-def test_each_of_some_errors_is_tested_with_the_others_given_and_what_others_do_as_well_shows_nothing() -> None:
+def test_each_of_some_errors_is_tested_with_the_others_given() -> None:
     matrix, noise = rows_of(13)
     noise[[5, 20]] += 40.0
     tests = linear_tests(Linearly(matrix, noise), np.zeros(U))

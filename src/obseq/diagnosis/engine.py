@@ -154,7 +154,7 @@ class Search(Generic[Place]):
         return not is_one and not (self._is_large and len(best.chosen) >= self._policy.most)
 
     def _too_many(self, robust: Place) -> int:
-        """How many rows are off at a robust place, if more than may be told, and no few errors explain it; else 0."""
+        """How many rows are off at a robust place, if more than may be told and no few errors explain it."""
         tests, policy = self._tests(robust), self._policy
         rows = self._hypotheses.columns[self._hypotheses.starts[:-1][self._hypotheses.is_start]]
         count = int(np.count_nonzero(np.abs(tests.off[rows]) > policy.suspect))

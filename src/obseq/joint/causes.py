@@ -14,7 +14,7 @@ from obseq.diagnosis.linear import linearised, with_priors
 from obseq.diagnosis.policy import LOSSES, NO_WEIGHT
 from obseq.errors import ObseqError
 from obseq.images.causes.model import DAMPED, ITERATIONS, NEAR, STAGES, TOLERANCE, Place
-from obseq.images.causes.other_observation import OTHER
+from obseq.images.causes.points import OTHER
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SuspectRecord
 
 if TYPE_CHECKING:

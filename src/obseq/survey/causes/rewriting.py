@@ -14,9 +14,8 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.causes.cause import grouped
+from obseq.survey.causes.cause import Rewritten, grouped
 from obseq.survey.causes.other_system import other_system
-from obseq.survey.causes.rewritten import Rewritten
 from obseq.survey.causes.scopes import ALL, FILE, FROM
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 

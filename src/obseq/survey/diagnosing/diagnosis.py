@@ -9,6 +9,7 @@ from msgspec import structs
 from obseq.dataclass import dataclass
 from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.verdict import Status
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.survey.diagnosing.rewritings import best_rewriting
 from obseq.survey.diagnosing.words import accused, rewriting_record
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from obseq.survey.diagnosing.network_model import NetworkModel
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -83,6 +85,8 @@ def record_of(
         return both
     verdict = search.patiently()
     own = Diagnosis(verdict, model, units).record()
-    count = max(len(verdict.accused), verdict.many, 1)
+    if verdict.status is Status.EXPLAINED and len(verdict.accused) <= policy.few:
+        return own
     is_better = is_explained or rest.left < policy.whole * own.left
+    count = max(len(verdict.accused), verdict.many, search.count)
     return both if is_better and len(rest.accused) < count else own

@@ -16,10 +16,9 @@ from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.strategies import GaussNewton
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, Catalogue
 from obseq.survey.causes.effects import Effects
-from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
 from obseq.survey.causes.notes import Notes
+from obseq.survey.causes.set_ups import INSTRUMENT_HEIGHT, TARGET_HEIGHT
 from obseq.survey.causes.slips import Evidence, slips_of
-from obseq.survey.causes.target_height import TARGET_HEIGHT
 from obseq.survey.equations.kept_equations import KeptEquations
 from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 

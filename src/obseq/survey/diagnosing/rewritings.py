@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from obseq.arrays import FloatArray
-    from obseq.survey.causes.rewritten import Rewritten
+    from obseq.survey.causes.cause import Rewritten
     from obseq.survey.diagnosing.network_model import NetworkModel
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
