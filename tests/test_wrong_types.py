@@ -13,10 +13,9 @@ import obseq
 from obseq import crs, survey
 from obseq.errors import ObseqError
 from obseq.records.adjustment import AdjustmentRecord
-from obseq.report.listing import listing
+from obseq.report.adjusted import outcome
 from obseq.report.page import page
 from obseq.report.result_file import read_json, to_json
-from obseq.report.summary import summary
 
 FRAME, LAMBERT = "RTL*657700*6860700*0*IGNF:LAMB93", "IGNF:LAMB93"
 WRONG = {
@@ -151,8 +150,7 @@ def survey_of(site: Site) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
 
 def report_of(site: Site) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     return [
-        (summary, {"record": site.record, "written": ["a"]}),
-        (listing, {"record": site.record}),
+        (outcome, {"record": site.record}),
         (page, {"record": site.record}),
         (to_json, {"record": site.record}),
         (read_json, {"path": "a.json"}),

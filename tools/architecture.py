@@ -56,7 +56,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
         "reading",
     ),
     "formats": ("survey", "images", "kernels", "geometry", "crs", "records", "reading"),
-    "joint": ("images", "survey", "diagnosis", "records", "report", "leastsquares", "kernels"),
+    "joint": ("images", "survey", "diagnosis", "records", "report", "leastsquares", "kernels", "crs"),
     "project": ("formats", "images", "survey", "geometry", "crs", "reading"),
     "targets": ("images", "project", "kernels", "compilation", "leastsquares", "geometry", "reading"),
     "cli": (
@@ -84,14 +84,14 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
     "leastsquares": {
         "loops": (),
         "solvers": (),
+        "blocks": ("solvers",),
         "problem": (),
         "diagnosis": ("problem", "solvers"),
         "assembly": ("diagnosis", "loops", "problem", "solvers"),
         "solution": ("problem", "solvers"),
         "iterations": ("solution", "assembly", "diagnosis", "problem", "solvers"),
-        "analysis": ("iterations", "solution", "assembly", "diagnosis", "problem", "solvers"),
-        "system": ("analysis", "iterations", "solution", "assembly", "problem"),
-        "helmert": ("system", "assembly", "diagnosis", "problem", "solvers"),
+        "analysis": ("iterations", "solution", "assembly", "diagnosis", "problem", "blocks", "solvers"),
+        "system": ("analysis", "blocks", "iterations", "solution", "assembly", "problem"),
         "statistics": ("system", "solution", "assembly", "loops", "problem", "solvers"),
     },
     "survey": {

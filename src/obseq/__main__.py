@@ -2,7 +2,7 @@
 
 import sys
 
-from obseq.cli.main import main
+from obseq.cli.start import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -157,5 +156,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """A name that means nothing, and the known ones most like it: the middle of a sentence about it."""
     if len(name) > LONGEST_NAME:
         return f"{name[:40]!r}... ({len(name)} characters; names have at most {LONGEST_NAME})"
+    import difflib
+
     near = ", ".join(difflib.get_close_matches(name, list(known), n=4, cutoff=0.5)) or "none"
     return f"{name!r}; nearest names: {near}"

@@ -2,10 +2,9 @@
 
 import hashlib
 import os
-import platform
 import re
-import shutil
 import signal
+import stat
 import sys
 import threading
 import time
@@ -150,9 +149,10 @@ def _write(temporary: Path, text: str | bytes, target: Path) -> None:
         file.flush()
         os.fsync(file.fileno())
     if target.exists():
+        before = target.stat()
         with suppress(PermissionError):
-            shutil.chown(temporary, target.stat().st_uid, target.stat().st_gid)
-        shutil.copymode(target, temporary)
+            os.chown(temporary, before.st_uid, before.st_gid)
+        temporary.chmod(stat.S_IMODE(before.st_mode))
 
 
 def _replace_together(staged: Mapping[Path, Path]) -> None:
@@ -219,7 +219,7 @@ def _stem(path: Path) -> str:
 
 
 def _machine() -> str:
-    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+    return hashlib.sha256(os.uname().nodename.encode()).hexdigest()[:8]
 
 
 def _clean(path: Path) -> None:

@@ -60,6 +60,18 @@ cam1:
   intrinsics: [800.0, 800.0, 641.0, 475.0]
   resolution: [1280, 960]
 """
+MESSAGE = """height: 960
+width: 1280
+distortion_model: plumb_bob
+d: [-0.2, 0.06, 0.001, -0.002, 0]
+k: [1100, 0, 641, 0, 1095, 475, 0, 0, 1]
+"""
+SENSOR = """sensor_type: camera
+resolution: [1280, 960]
+intrinsics: [1100, 1095, 641, 475]
+distortion_model: radial-tangential
+distortion_coefficients: [-0.2, 0.06, 0.001, -0.002]
+"""
 SPACE = np.array([[0.1, 0.2, 1.0], [-0.3, 0.25, 1.0], [0.4, -0.3, 1.2], [0.0, 0.0, 2.0]])
 
 
@@ -87,6 +99,8 @@ def fish_eye(f, terms):
     [
         (OPENCV, [brown(1100, 1100, (-0.2, 0.06, 0.001, -0.002, 0.01))]),
         (ROS, [brown(1100, 1095, (-0.2, 0.06, 0.001, -0.002, 0.0))]),
+        (MESSAGE, [brown(1100, 1095, (-0.2, 0.06, 0.001, -0.002, 0.0))]),
+        (SENSOR, [brown(1100, 1095, (-0.2, 0.06, 0.001, -0.002, 0.0))]),
         (
             KALIBR,
             [
@@ -95,7 +109,7 @@ def fish_eye(f, terms):
             ],
         ),
     ],
-    ids=["opencv", "ros", "kalibr"],
+    ids=["opencv", "ros", "message", "sensor", "kalibr"],
 )
 def test_a_calibration_projects_as_its_program_does(tmp_path, text, pixels):
     (tmp_path / "lens.yaml").write_text(text)

@@ -269,6 +269,26 @@ def test_a_stream_of_topcon_may_be_sent_in_numbered_lines(tmp_path):
         assert book.observations.to_heights[1] == 1.5
 
 
+@pytest.mark.parametrize("tilt", ["", "+****", "-0012"])
+def test_angles_alone_of_topcon_may_come_with_the_tilt(tmp_path, tilt):
+    text = (
+        f"_'S_(P_)1.676_+N_ <0955755+0100000{tilt}d086_* _,1.600_+1_ ?+00033870m0812338+1205111d_*P_,1.500_"
+    )
+    found, book = read(tmp_path, "a.gts", text)
+    assert found["Hz", "S", "N"] == [pytest.approx(10.0 * DEGREE)]
+    assert found["Zen", "S", "N"] == [pytest.approx((95.0 + 57.0 / 60.0 + 55.0 / 3600.0) * DEGREE)]
+    assert found["Dist", "S", "1"] == [pytest.approx(33.870)]
+    assert book.observations.to_heights.tolist() == [0.0, 1.6, 0.0, 1.5, 1.5]
+
+
+def test_coordinates_after_a_backsight_are_its_own(tmp_path):
+    station, back = "STN     A,1.4,\nXYZ     1.0,2.0,3.0\n", "BS      B,1.5,\nXYZ     5.0,6.0,7.0\n"
+    read(tmp_path, "a.gts7", f"GTS-700 v3.0\n{station}{back}SD      0.0,90.0,9.0\n")
+    network = Network.read_project(tmp_path / "a.gts7", sigmas=SIGMAS)
+    places = dict(zip(network.points.names, network.points.coordinates.tolist(), strict=True))
+    assert places == {"A": [1.0, 2.0, 3.0], "B": [5.0, 6.0, 7.0]}
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [

@@ -30,13 +30,18 @@ def xyz(name, up=0.0):
     return np.array(TO_XYZ.transform(longitude, latitude, height + up))
 
 
-def local(start, end, up=(0.0, 0.0)):
-    """East, north, up of a sight, in the horizon of its start."""
+def local_axes(start):
+    """(3, 3) east, north and up at a station."""
     lon, lat = np.radians(TRUTH[start][:2])
     east = [-math.sin(lon), math.cos(lon), 0.0]
     north = [-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)]
     above = [math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)]
-    return np.array([east, north, above]) @ (xyz(end, up[1]) - xyz(start, up[0]))
+    return np.array([east, north, above])
+
+
+def local(start, end, up=(0.0, 0.0)):
+    """East, north, up of a sight, in the horizon of its start."""
+    return local_axes(start) @ (xyz(end, up[1]) - xyz(start, up[0]))
 
 
 def azimuth(start, end):
@@ -103,7 +108,7 @@ def observations():
             "C",
             *(f"{end} {np.linalg.norm(xyz(end) - xyz('C')) * 1.00005:.6f}" for end in ("A", "B", "D")),
             "#ha_error 1 sec 2 mm",
-            "#zd_error 2 sec 1 mmh 1 mmv",
+            "#zd_error 2 sec 90 mmh 1 mmv",
             "#refraction_coefficient default",
             "#data HA ZD",
             "A 1.5",
@@ -206,6 +211,24 @@ def test_standard_errors_of_commands_and_lines(job):
     flat = math.hypot(*local("A", "B")[:2])
     line = 1 + next(k for k, text in enumerate(observations().splitlines()) if text.startswith("B 1.3"))
     assert by_line[line][1] == pytest.approx(math.hypot(SECOND, 0.002 / flat), rel=1e-3)
+    angle, slope = np.radians(zenith("A", "B", (1.5, 1.3))), np.linalg.norm(xyz("B", 1.3) - xyz("A", 1.5))
+    across = math.hypot(0.09 * math.cos(angle), 0.001 * math.sin(angle)) / slope
+    assert by_line[line][0] == pytest.approx(math.hypot(2.0 * SECOND, across), rel=1e-3)
+
+
+def test_errors_of_a_session_are_those_between_any_two_of_its_stations(job, tmp_path):
+    ends = {name: xyz(name) - xyz("A") for name in ("B", "C")}
+    vectors = "\n".join(f"{name} {written(vector)}" for name, vector in ends.items())
+    text = f"Session\n#gps_enu_error 3 3 7 mm 2 2 5 ppm\n#data GB grouped no_heights\nA\n{vectors}\n"
+    (tmp_path / "session.dat").write_text(text)
+    cluster = read_project(job("data_file session.dat")).book.clusters[-1]
+    first, second = np.eye(6)[:, :3], np.eye(6)[:, 3:]
+    turn = local_axes("A")
+    for way, vector in ((first, ends["B"]), (second, ends["C"]), (first - second, ends["B"] - ends["C"])):
+        length = np.linalg.norm(vector)
+        expected = [math.hypot(mm * 1e-3, ppm * 1e-6 * length) ** 2 for mm, ppm in ((3, 2), (3, 2), (7, 5))]
+        found = turn @ way.T @ cluster.covariance @ way @ turn.T
+        assert np.diag(found) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from obseq.errors import InputError
 from obseq.geometry import exponential
 from obseq.images import BundleAdjustment, Clinometer, ControlPoints, Poses
 from obseq.images.output.page import page
+from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of
-from obseq.images.output.summary import summary
 
 AXES = {"x": np.array([1.0, 0.02, -0.01]), "y": np.array([0.01, 0.1, 1.0])}
 SIGMA = 2e-4

@@ -9,8 +9,8 @@ import scenes
 from obseq.errors import InputError
 from obseq.formats.colmap.reader import read_colmap, write_colmap
 from obseq.geometry import attitudes
+from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of
-from obseq.images.output.summary import summary
 
 
 def _binary_colmap(folder, block, solution, model=(4, [1800.0, 1800.0, 1000, 750, -0.08, 0.02, 0.0, 1e-3])):
@@ -53,7 +53,7 @@ def test_binary_models_say_what_text_says_and_win(solved, tmp_path):
     binary = read_colmap(tmp_path)
     (note,) = binary.notes
     assert f"{tmp_path}: rigs.bin and frames.txt: rigs are not read" in note
-    assert f"note: {note}" in summary(record_of(binary.solve(datum="centres")))
+    assert f"Note: {note}" in summary(record_of(binary.solve(datum="centres"))).replace("\n    ", " ")
     assert next(iter(binary.cameras)) == "camera 7"
     np.testing.assert_array_equal(binary.cameras["camera 7"].parameters, text.cameras["camera 1"].parameters)
     np.testing.assert_allclose(binary.poses.rotations, text.poses.rotations, atol=1e-15)

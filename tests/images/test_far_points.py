@@ -7,8 +7,8 @@ import scenes
 from obseq.cli.main import main
 from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
 from obseq.images.output.clouds import camera_table, pose_table
+from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of
-from obseq.images.output.summary import summary
 
 N_NEAR, N_FAR, BASE = 20, 10, 1.5
 
@@ -75,7 +75,7 @@ def test_far_points_are_told_and_spoil_nothing():
     assert set(record.far) == {f"F{k}" for k in range(N_FAR)}
     assert not record.behind and record.is_complete
     said = summary(record)
-    assert "10 points are too far for their distance to be determined" in said and "BEHIND" not in said
+    assert "10 far points: Their direction is determined" in said and "behind the camera" not in said
 
 
 def test_a_block_of_far_points_alone_is_not_determined():
@@ -108,7 +108,7 @@ def test_a_point_behind_its_cameras_is_told():
     block.add_measures(ImagePoints.of(["i0", "i3"], ["B", "B"], xy, 0.5))
     record = record_of(block.solve())
     assert [item.point for item in record.behind] == ["B", "B"]
-    assert "2 image points are BEHIND their camera in the solution: B" in summary(record)
+    assert "2 points behind the camera: In the solution: B" in summary(record)
     assert not record.is_complete
 
 
@@ -131,4 +131,4 @@ def test_the_command_tells_far_points(tmp_path, capsys):
         (tmp_path / f"{name}.csv").write_text(text + "\n")
     options = [f"--{name}={tmp_path / name}.csv" for name in texts]
     assert main(["bundle", *options, "--image-sigma=0.5", "--freeze=K.|p.|b."]) == 0
-    assert "10 points are too far for their distance" in capsys.readouterr().out
+    assert "10 far points" in capsys.readouterr().out

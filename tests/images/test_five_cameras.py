@@ -7,8 +7,8 @@ import pytest
 from obseq.formats.blocks.rigs import Rig, add_rig
 from obseq.geometry import RigidMotion, absorb, exponential
 from obseq.images import BundleAdjustment, Camera, ControlPoints, ImagePoints, Poses
+from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of
-from obseq.images.output.summary import summary
 
 TILT = np.radians(40.0)
 PLACES = {

@@ -3,18 +3,15 @@
 import importlib
 from pathlib import Path
 
-import pytest
-
 BENCHMARKS = Path(__file__).parents[2] / "tools" / "benchmarks"
 
 
-@pytest.mark.slow  # thousands of files
 def test_no_reader_ends_in_another_error(monkeypatch):
     monkeypatch.syspath_prepend(BENCHMARKS)
-    counts, failures = importlib.import_module("fuzz_blocks").run(0, 3600)
+    counts, failures = importlib.import_module("fuzz_blocks").run(0, 900)
     assert failures == []
-    assert counts["refused"] > 2000
-    assert counts["read"] > 100
+    assert counts["refused"] > 500
+    assert counts["read"] > 25
 
 
 def test_a_reader_that_fails_is_reported(monkeypatch, tmp_path):

@@ -9,8 +9,8 @@ from obseq.cli.main import main
 from obseq.errors import DivergenceError, InputError, SingularSystemError
 from obseq.formats.bal.reader import read_bal
 from obseq.images import ControlPoints
+from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of
-from obseq.images.output.summary import summary
 
 
 def _cost_at(block, solution) -> float:
@@ -58,7 +58,7 @@ def test_a_block_of_just_enough_equations_has_a_solution_that_nothing_checks(sha
     assert found.result.cost < 0.0014
     assert _cost_at(block, found) < 0.0014
     said = summary(record_of(found))
-    assert "38 equations, 45 unknowns, redundancy 0" in said and "nothing checks the result" in said
+    assert "equations: 38, unknowns 45, redundancy 0" in said and "nothing checks the result" in said
     assert "A block needs a datum" not in said
 
 

@@ -11,9 +11,9 @@ from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ControlPoints, ImagePoints, Poses
 from obseq.images.initial import growth
 from obseq.images.output.block_record import BundleRecord
+from obseq.images.output.page_findings import distrusted
 from obseq.images.output.record import record_of
 from obseq.images.output.shares import RejectedShare
-from obseq.images.output.summary import suspected
 
 SIZE = np.array([scenes.CAMERA.width, scenes.CAMERA.height])
 
@@ -216,7 +216,7 @@ def test_a_block_of_which_most_is_rejected_is_no_success():
     assert record.converged and not record.is_complete
     (share,) = record.rejected_shares
     assert share.name == "the block" and share.rejected > share.tested / 2
-    assert suspected(record).startswith("the result is not to be trusted: half of")
+    assert distrusted(record).startswith("the result is not to be trusted: half of")
 
 
 def test_an_image_that_is_rejected_as_a_whole_is_named_though_no_measure_of_it_is_the_worst():
@@ -227,8 +227,8 @@ def test_an_image_that_is_rejected_as_a_whole_is_named_though_no_measure_of_it_i
     record = _record(block)
     assert record.converged and not record.is_complete
     assert [share.name for share in record.rejected_shares] == ["image i5"]
-    assert suspected(record).startswith("1 of 8 images is not to be trusted: half of")
-    assert "image i5 (" in suspected(record)
+    assert distrusted(record).startswith("1 of 8 images is not to be trusted: half of")
+    assert "image i5 (" in distrusted(record)
 
 
 def test_what_is_rejected_is_told_in_scale(monkeypatch):
@@ -238,7 +238,7 @@ def test_what_is_rejected_is_told_in_scale(monkeypatch):
         shares = tuple(RejectedShare(kind, f"{kind} {k}", 4, 6) for k in range(count))
         monkeypatch.setattr(BundleRecord, "rejected_shares", property(lambda _: shares))
         assert not record.is_complete
-        return suspected(record)
+        return distrusted(record)
 
     assert told("point", 4).startswith("4 of 16 points are not to be trusted: half of")
     assert "point 0 (4 of 6), point 1 (4 of 6)" in told("point", 4)
@@ -248,4 +248,4 @@ def test_what_is_rejected_is_told_in_scale(monkeypatch):
 
 def test_a_good_block_is_trusted():
     record = _record(_block())
-    assert record.is_complete and not record.rejected_shares and not suspected(record)
+    assert record.is_complete and not record.rejected_shares and not distrusted(record)

@@ -6,8 +6,8 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ControlPoints
+from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of
-from obseq.images.output.summary import summary
 from obseq.images.references import velocities_of
 
 

@@ -6,8 +6,8 @@ import scenes
 
 from obseq.images import BundleAdjustment, Camera, ControlPoints, Poses, Weighting
 from obseq.images.causes.diagnosing import diagnosed
+from obseq.images.output.page_findings import distrusted
 from obseq.images.output.record import record_of
-from obseq.images.output.summary import suspected
 
 
 def _strip(n_control, k1=-0.08, height_error=0.0, weighting=None):
@@ -36,14 +36,14 @@ def _strip(n_control, k1=-0.08, height_error=0.0, weighting=None):
 def test_more_control_points_name_the_wrong_one(n_control, weighting):
     record, wrong = _strip(n_control, height_error=0.1, weighting=weighting)
     (one,) = record.diagnosis.accused
-    assert suspected(record).startswith(f"z of control point {wrong} is off by +0.")
+    assert record.diagnosis.accused[0].text.startswith(f"z of control point {wrong} is off by +0.")
     assert [(known.name, known.coordinate) for known in one.points] == [(wrong, "z")]
     assert not record.is_complete
 
 
 def test_nothing_is_said_of_a_good_block():
     record, _ = _strip(8)
-    assert (record.diagnosis.accused, suspected(record), record.is_complete) == ((), "", True)
+    assert (record.diagnosis.accused, distrusted(record), record.is_complete) == ((), "", True)
     largest = [abs(item.w) for item in record.reliability.largest.largest]
     assert largest == sorted(largest, reverse=True) and largest[0] < 5.0
     assert 0.8 < record.reliability.largest.spread < 1.2

@@ -1,16 +1,15 @@
-"""Helmert blocks on Dask: a worker that dies, a client that dies, and the run after it."""
+"""Blocks on Dask: workers that die in each phase, a client that dies and is taken up."""
 
 import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_helmert import network
-
-from obseq.leastsquares import solve_in_blocks
+from test_blocks import in_blocks
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed (obseq[dask])")
 pytestmark = pytest.mark.slow
@@ -19,17 +18,40 @@ CLIENT = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from distributed import Client
-from test_helmert import network
-from obseq.leastsquares import solve_in_blocks
+from test_blocks import in_blocks
+from test_blocks_on_dask import Counting
 
-class Telling(Client):
-    def submit(self, *arguments, **options):
-        print("submitted", flush=True)
-        return super().submit(*arguments, **options)
-
-solve_in_blocks(network(8)[0], 2, Telling(sys.argv[2]), folder=sys.argv[3])
+in_blocks(client=Counting(Client(sys.argv[2])), work=sys.argv[3])
 """
 """A client that says so at each task."""
+
+
+class Counting(Executor):
+    """Says what it gives a client."""
+
+    def __init__(self, client):
+        self.client = client
+        self._executor = client.get_executor(pure=False)
+
+    def submit(self, function, /, *arguments, **_):
+        sys.stdout.write(f"{arguments[1].__name__}\n")
+        sys.stdout.flush()
+        return self._executor.submit(function, *arguments)
+
+
+class KillsAWorker(Counting):
+    """Kills a worker that has begun with the first task of each kind."""
+
+    def __init__(self, client, *kinds):
+        super().__init__(client)
+        self._kinds = set(kinds)
+
+    def submit(self, function, /, *arguments, **_):
+        future = self._executor.submit(function, *arguments)
+        if arguments[1].__name__ in self._kinds:
+            self._kinds.remove(arguments[1].__name__)
+            os.kill(next(iter(self.client.run(os.getpid).values())), signal.SIGKILL)
+        return future
 
 
 @pytest.fixture(scope="module")
@@ -44,47 +66,43 @@ def client():
         yield client
 
 
-def check(client, tmp_path):
-    """Blocks on the cluster give what one machine gives, and leave nothing."""
-    whole, points, _ = network(8)
-    system, *_ = network(8)
-    expected = whole.solve(covariance=True)
-    found = solve_in_blocks(system, 2, client, folder=tmp_path)
+@pytest.fixture(scope="module")
+def expected():
+    """What one process gives."""
+    found, values = in_blocks()
+    return found.cofactors.values, values
+
+
+def check(expected, **settings):
+    """Blocks give the same to the last digit."""
+    found, values = in_blocks(**settings)
     assert found.converged
-    assert found.sigma0 == pytest.approx(expected.sigma0, rel=1e-9)
-    assert np.abs(system.values(points) - whole.values(points)).max() < 1e-9
-    assert np.allclose(found.variances, expected.cofactors.variances(), rtol=1e-8, atol=0.0)
+    assert np.array_equal(values, expected[1])
+    assert np.array_equal(found.cofactors.values, expected[0])
 
 
-def test_a_plain_client_gives_what_one_machine_gives(client, tmp_path):
-    check(client, tmp_path)
+def test_a_plain_client_and_the_address_of_a_scheduler(client, expected, tmp_path):
+    check(expected, client=client, work=tmp_path)
+    check(expected, client=client.cluster.scheduler_address)
     assert not list(tmp_path.iterdir())
 
 
-class KillsAWorker:
-    """Sends the tasks of a client on, and kills a worker when those of some numbers have begun."""
-
-    def __init__(self, client, *at):
-        self._client, self._at, self._sent = client, at, 0
-
-    def submit(self, function, *arguments):
-        self._sent += 1
-        future = self._client.submit(function, *arguments)
-        if self._sent in self._at:
-            os.kill(next(iter(self._client.run(os.getpid).values())), signal.SIGKILL)
-        return future
+def test_workers_of_this_machine(expected):
+    check(expected, client=2, memory="2GB")
 
 
-def test_workers_that_die_change_nothing(client, tmp_path):
-    """In leaves, in nodes above them, and in the next iteration."""
-    check(KillsAWorker(client, 1, 6, 10), tmp_path)
+def test_workers_that_die_in_each_phase_change_nothing(client, expected):
+    dying = KillsAWorker(client, "prepare", "eliminate", "reduce", "expand", "invert")
+    check(expected, client=dying)
+    assert not dying._kinds
 
 
-def test_a_client_that_dies_leaves_nothing_to_the_next(client, tmp_path):
+def test_a_client_that_dies_is_taken_up(client, expected, tmp_path):
     here, address = str(Path(__file__).parent), client.cluster.scheduler_address
     command = [sys.executable, "-c", CLIENT, here, address, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
-        for _ in range(6):
-            assert other.stdout.readline() == "submitted\n"
+        while other.stdout.readline() != "expand\n":
+            assert other.poll() is None
         other.kill()
-    check(client, tmp_path)
+    check(expected, client=client, work=tmp_path, resume=True)
+    assert not list(tmp_path.iterdir())

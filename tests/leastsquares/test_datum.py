@@ -128,6 +128,34 @@ def test_what_is_held_is_held_whatever_observations_say_of_it(name, weight):
     assert free @ matrix @ end == pytest.approx(0.0, abs=1e-9 * np.abs(matrix).max())
 
 
+@pytest.mark.parametrize("name", ["dense", "superlu"])
+def test_what_a_constraint_holds_has_no_variance_however_little_is_seen_of_it(name):
+    """A point seen in one direction well, across it 1e-9 as well, and held along a line between the two."""
+    _, matrix = free_network()
+    matrix = np.block([[matrix, np.zeros((24, 2))], [np.zeros((2, 24)), np.zeros((2, 2))]])
+    row = np.zeros(26)
+    row[[0, 24]] = -1.0, 1.0
+    faint = np.zeros(26)
+    faint[[1, 25]] = -1.0, 1.0
+    matrix += np.outer(row, row) + 1e-18 * np.outer(faint, faint)
+    constraint = np.zeros((26, 1))
+    constraint[24:, 0] = 1e-3, 1.0
+    chosen = np.arange(26) < 24
+    pattern, values = SymmetricPattern.of(matrix)
+    solver = DatumSolver(
+        choose_solver(pattern, name),
+        chosen,
+        lambda: np.zeros(26),
+        holds=lambda: (constraint, np.zeros(1)),
+    )
+    solver.analyse(pattern)
+    solver.factor(values)
+    found = solver.solve(np.eye(26))
+    assert solver.dimension == 3
+    spread = np.sqrt(constraint[:, 0] @ found @ constraint[:, 0])
+    assert spread <= 1e-8 * np.sqrt(np.diag(found).max())
+
+
 def test_a_weak_direction_has_the_digits_of_the_rows():
     """A scale that one row sees by 3e-8 of what it sees of points: N has 1e-15 of it, which is rounding."""
     points, _ = free_network()

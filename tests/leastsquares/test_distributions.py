@@ -5,8 +5,11 @@ import pytest
 from scipy import special
 
 from obseq.leastsquares.statistics.distributions import (
+    bisected,
     chi_square_limit,
     chi_square_tails,
+    crossing,
+    non_central_above,
     normal_below,
     normal_limit,
     normal_outside,
@@ -69,3 +72,20 @@ def test_tau(freedom, share):
 def test_tau_at_its_ends():
     assert tau_outside(0.0, 5) == 1.0
     assert tau_outside(np.sqrt(5.0) * 1.000001, 5) == 0.0
+
+
+@pytest.mark.parametrize("power", [0.5, 0.8, 0.95])
+@pytest.mark.parametrize("freedom", [2, 40, 300])
+def test_a_crossing_is_where_bisection_finds_it_in_half_the_steps(power, freedom):
+    asked = []
+
+    def above(x):
+        asked.append(x)
+        return non_central_above(x, freedom, 20.0) - power
+
+    high = 4.0 * (20.0 + freedom)
+    found = crossing(above, 0.0, high)
+    steps = len(asked)
+    asked.clear()
+    assert found == pytest.approx(bisected(lambda x: above(x) > 0.0, 0.0, high), rel=1e-12)
+    assert 2 * steps < len(asked)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from obseq.report.quality import snooping_lines
+from obseq.report.content import numbers_of
+from obseq.report.findings import findings
 from obseq.survey import Quality
 
 BENCH = Path(__file__).resolve().parents[2] / "tools" / "benchmarks" / "bench_snooping.py"
@@ -73,8 +74,13 @@ def test_a_planted_blunder_is_named_first_and_explained(bench, networks, name) -
         (first, *_) = record.snooping.rejections
         assert first.row == row
         assert first.blunder == pytest.approx(biases[row], rel=1e-3)
-        (line,) = [text for text in snooping_lines(record) if first.observation in text]
-        assert "off by about" in line
+        (told,) = [
+            one
+            for part in findings(record, numbers_of(record))
+            for one in part.items
+            if one.title == first.observation
+        ]
+        assert "off by about" in told.text
 
 
 @pytest.mark.slow

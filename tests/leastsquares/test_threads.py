@@ -1,5 +1,9 @@
 """Shares of the observations by threads: the same equations as one thread, and the same at each run."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from networks import mixed_system
@@ -9,7 +13,7 @@ from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.assembly import threads
 from obseq.leastsquares.assembly.evaluation import raw_residuals
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
-from obseq.leastsquares.solvers.blas import _thread_functions, one_blas_thread
+from obseq.leastsquares.solvers.blas import loaded, one_blas_thread, routine_addresses
 
 
 @pytest.fixture
@@ -162,12 +166,13 @@ def test_a_number_of_threads_that_is_none():
 
 def test_one_thread_is_one_of_blas_too():
     """Of SciPy's and of NumPy's."""
-    if not _thread_functions():
+    if not loaded():
         pytest.skip(reason="neither SciPy nor NumPy is built on its own OpenBLAS here")
     seen = []
     system = LeastSquares()
     x = system.add_scalars(["x"], [0.0])
     system.add_linear([x], [[[1.0]]], [2.0], 1.0)
+    routine_addresses()
     before = blas_threads()
     system.solve(progress=lambda _: seen.append(blas_threads()))
     assert {number for numbers in seen for number in numbers} == {1}
@@ -175,7 +180,25 @@ def test_one_thread_is_one_of_blas_too():
 
 
 def blas_threads():
-    return [get() for get, _ in _thread_functions()]
+    return [get() for get, _ in loaded().values()]
+
+
+def test_a_library_that_is_loaded_later_is_held_as_well():
+    """Loading SciPy's takes 20 ms: no small system waits for it. Once loaded, it has one thread."""
+    code = """if True:
+        from obseq.leastsquares.solvers.blas import loaded, one_blas_thread, routine_addresses
+        with one_blas_thread():
+            print("scipy" in loaded())
+            routine_addresses()
+            print(*{name: get() for name, (get, _) in loaded().items()}.values())
+        print(*(get() for get, _ in loaded().values()))
+    """
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", code]
+    lines = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
+    if "scipy" not in loaded() or "numpy" not in loaded():
+        pytest.skip(reason="SciPy or NumPy is not built on its own OpenBLAS here")
+    assert lines.splitlines() == ["False", "1 1", "2 2"]
 
 
 def test_the_last_block_that_is_left_gives_the_threads_back():

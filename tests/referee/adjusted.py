@@ -70,10 +70,14 @@ def linearised(network, unknowns, equations=Equations):
     )
 
 
-def adjust(network, equations=Equations, unknowns=Unknowns, polish=2):
-    """Adjusts; of a free network from where it starts, that being its datum."""
+def adjust(network, equations=Equations, unknowns=Unknowns, polish=2, tilts=None):
+    """Adjusts; of a free network from where it starts, that being its datum.
+
+    Instruments that may tilt start as their first readings say, or by `tilts`: axes by number of the set-up.
+    """
     unknowns = unknowns(network)
     equations(network, unknowns).orient()
+    unknowns.bases |= tilts or {}
     reference, iterations, left, length = unknowns.values.copy(), 0, polish, np.inf
     loose = loose_of(network, unknowns, equations)
     while iterations <= MOST and np.isfinite(unknowns.values).all():

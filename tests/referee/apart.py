@@ -33,13 +33,20 @@ def is_undecided(network, left_out):
     return len(costs) > 1 and max(costs) - min(costs) < CLEAR
 
 
-def from_places(network, places):
+def from_places(network, places, tilts=None):
     """What the referee finds from other places of the points, by their names; None where it finds nothing."""
     points = [replace(p, start=places[p.name]) for p in network.points]
     try:
-        return adjust(replace(network, points=points))
+        return adjust(replace(network, points=points), tilts=tilts)
     except (UndeterminedError, np.linalg.LinAlgError):
         return None
+
+
+def lowest(network, places):
+    """The lowest minimum that the referee finds from some places, and from the truth; None without any."""
+    truth = {p.name: p.true for p in network.points}
+    found = [from_places(network, places), from_places(network, truth, network.tilts)]
+    return min((item for item in found if item is not None), key=cost, default=None)
 
 
 def cost(found):

@@ -90,6 +90,7 @@ class Maker(Surveyor):
         """Gives observations and known coordinates values: true ones and errors of their sigmas."""
         r = self.random
         unknowns = _true_unknowns(network, r)
+        network.tilts = {key: axes for key, axes in unknowns.bases.items() if isinstance(key, int)}
         at = Equations(network, unknowns, unknowns.values[None].astype(complex))
         errors = np.array([r.normal(0, at.sigma(o)) for o in network.observations])
         for rows, block in network.clusters:
@@ -143,3 +144,22 @@ def _true_unknowns(network, random):
 def case(seed):
     """The network of a seed."""
     return Maker(seed).made()
+
+
+def held_case(seed):
+    """The network of a seed on inner constraints, coordinates of it held; None where that cannot be said.
+
+    Where the seed holds none, one coordinate of the first point. A point is not held as a whole.
+    """
+    made = case(seed)
+    network, held = made.network, np.array([p.sigmas == 0 for p in made.network.points])
+    if made.dialect != "table" or held.all(axis=1).any():
+        return None
+    if not held.any():
+        point, axis = network.points[0], seed % 3
+        point.sigmas[axis] = 0.0
+        point.given[axis] = np.real(network.system.coordinates(point.true))[axis]
+        point.start, point.is_unplaced = network.system.placed(point.given[None])[0], False
+        network.__dict__.pop("given", None)
+    network.inner = ()
+    return made

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from referee.adjusted import UndeterminedError, adjust, freed, inner_covariance
-from referee.apart import cost, from_places, is_undecided, weak_points
+from referee.apart import cost, is_undecided, lowest, weak_points
 from referee.files import comp3d_files, cor_lines, obs_lines, point_lines, table_lines, written_order
 
 from obseq.errors import ObseqError
@@ -118,7 +118,7 @@ def _asked_again(case, network, found, adjustment, verdict, weak):
         return replace(verdict, apart=f"{', '.join(sorted(out))} uncertain by a hundredth of the size")
     if adjustment.left_out and all(is_undecided(network, item) for item in adjustment.left_out):
         return replace(verdict, apart="two places fit as well")
-    again = None if out else from_places(network, dict(zip(names, places, strict=True)))
+    again = None if out else lowest(network, dict(zip(names, places, strict=True)))
     if again is None or network.inner is not None or cost(again) > cost(found) * (1.0 - HIGHER):
         return verdict
     other = compared(case, network, again, adjustment)

@@ -74,6 +74,7 @@ class Network:
     refraction: float = 0.12
     estimate: frozenset = frozenset()
     inner: tuple | None = None  # names of datum points, () for all; None: the known coordinates
+    tilts: dict | None = None  # true axes of instruments that may tilt, by number of the set-up
 
     @cached_property
     def names(self):

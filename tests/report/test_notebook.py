@@ -24,6 +24,6 @@ def test_the_notebook_runs_and_shows_network_and_adjustment() -> None:
     assert len(pictures) == 2
     assert all("<svg" in picture for picture in pictures)
     assert "<ellipse" in pictures[1]
-    for words in ("standardised", "redundancy", "detectable", "sigma0"):
+    for words in ("largest w", "redundancy", "detectable", "sigma0"):
         assert words in pictures[1]
     assert values[-1][0] == "Dist"

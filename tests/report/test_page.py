@@ -229,7 +229,6 @@ def test_its_provenance_says_what_it_was_made_from(make) -> None:
         ("files", "a.obs, b.cor"),
         ("refraction", "coefficient 0.13"),
         ("operation", "IGNF:LAMB93 to WGS 84 by PROJ: Inverse of Lambert (accuracy 0.5 m)"),
-        ("warning", "w < 1"),
     ):
         assert fact in facts
     assert finding(text, "Warning")["text"] == "w < 1"

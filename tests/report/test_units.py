@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import re
 
 import pytest
 
@@ -85,7 +86,7 @@ def test_reports_are_in_the_units_of_the_files(feet, tmp_path, capsys) -> None:
     assert plain["units"] == {"length": "us-ft", "angle": "dms", "stored": "metres and radians"}
     third = plain["points"][2]
     listing = (out / "adjustment.txt").read_text()
-    assert "units         us-ft; dms and sec" in listing
+    assert "units: us-ft; dms and sec" in listing
     row = next(line.split() for line in listing.splitlines() if line.startswith("  3  "))
     assert f"{third['x'] / FOOT:.4f}" in row
     assert f"{third['sx'] / FOOT:.5f}" in row
@@ -106,35 +107,62 @@ def test_a_stored_result_is_shown_in_other_units(feet, tmp_path, capsys) -> None
 
 
 def test_plans_and_comparisons_are_in_the_units_of_the_files(feet, tmp_path, capsys) -> None:
-    assert main(["plan", str(feet), "--no-gains", "--out", str(tmp_path / "plan")]) == 0
+    assert main(["plan", str(feet), "--no-gains", "--show", "weakest", "--out", str(tmp_path / "plan")]) == 0
     shown = capsys.readouterr().out
     assert ["us-ft", "deg", "deg"] in [line.split() for line in shown.splitlines()]
     (weakest,) = json.loads((tmp_path / "plan" / "plan.json").read_text())["weakest_points"]
-    (row,) = [line.split() for line in shown.splitlines() if line.startswith("  3  ")]
+    (row,) = [line.split() for line in shown.splitlines() if re.match("  3  +[0-9]", line)]
     assert float(row[1]) == pytest.approx(weakest["sigma"] / FOOT, abs=1e-5)
     second = tmp_path / "second.dat"
     second.write_text(SIDES.replace("400.02", "400.22"))
-    main(["compare", str(feet), "--project-2", str(second), "--out", str(tmp_path / "moved")])
+    main(
+        [
+            "compare",
+            str(feet),
+            "--project-2",
+            str(second),
+            "--show",
+            "residuals",
+            "--out",
+            str(tmp_path / "moved"),
+        ]
+    )
     shown = capsys.readouterr().out
     assert ["us-ft"] * 7 in [line.split() for line in shown.splitlines()]
     record = json.loads((tmp_path / "moved" / "comparison.json").read_text())
     assert record["units"]["length"] == "us-ft"
     (moved,) = [item for item in record["displacements"] if item["point"] == "3"]
-    (row,) = [line.split() for line in shown.splitlines() if line.startswith("  3  ")]
+    row = next(line.split() for line in shown.splitlines() if re.match("  3  +[a-z]+ ", line))
     assert float(row[3]) == pytest.approx(moved["north"] / FOOT, abs=1e-5)
 
 
 def test_plans_and_comparisons_are_in_the_units_asked_for(feet, tmp_path, capsys) -> None:
     out = tmp_path / "plan"
-    assert main(["plan", str(feet), "--no-gains", "--units", "m", "degree", "--out", str(out)]) == 0
+    assert (
+        main(
+            [
+                "plan",
+                str(feet),
+                "--no-gains",
+                "--show",
+                "weakest",
+                "--units",
+                "m",
+                "degree",
+                "--out",
+                str(out),
+            ]
+        )
+        == 0
+    )
     shown = capsys.readouterr().out
     assert ["mm", "deg", "deg"] in [line.split() for line in shown.splitlines()]
-    assert "units         m and mm; deg" in (out / "plan.txt").read_text()
+    assert "units: m and mm; deg" in (out / "plan.txt").read_text()
     second = tmp_path / "second.dat"
     second.write_text(SIDES.replace("400.02", "400.22"))
     compared = ["compare", str(feet), "--project-2", str(second)]
-    main([*compared, "--units", "m"])
-    assert ["mm"] * 7 in [line.split() for line in capsys.readouterr().out.splitlines()]
+    main([*compared, "--units", "m", "--show", "displacements"])
+    assert any(line.split()[:7] == ["mm"] * 7 for line in capsys.readouterr().out.splitlines())
     for command in (["plan", str(feet)], compared):
         assert main([*command, "--units", "m", "ft"]) == 2
         assert "--units ft: give one of m, ft, us-ft" in capsys.readouterr().err

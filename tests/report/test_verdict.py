@@ -1,19 +1,25 @@
 import pytest
 
+from obseq.report.adjusted import verdict
 from obseq.report.content import numbers_of, tables
+from obseq.report.findings import findings
 from obseq.report.verdict import Verdict
 from obseq.report.writer import worst
 
 
 @pytest.mark.parametrize(
-    ("sigma0", "headline"),
-    [(0.3, "rejected: too small"), (1.0, "accepted"), (1.66, "accepted"), (1.68, "rejected: too large")],
+    ("sigma0", "level", "words"),
+    [
+        (0.3, "warn", "residuals are too small for their sigmas: sigma0 is 0.3"),
+        (1.0, "ok", "The network is sound"),
+        (1.66, "ok", "The network is sound"),
+        (1.68, "warn", "residuals are too large for their sigmas: sigma0 is 1.68"),
+    ],
 )
-def test_what_the_test_found_in_words(make, plain, sigma0, headline) -> None:
+def test_what_the_test_found_in_words(make, plain, sigma0, level, words) -> None:
     passed = 0.348 <= sigma0 <= 1.669
-    verdict = Verdict(make(global_test=plain["global_test"] | {"sigma0": sigma0, "passed": passed}))
-    assert verdict.headline == headline
-    assert verdict.is_accepted == (headline == "accepted")
+    found = verdict(make(global_test=plain["global_test"] | {"sigma0": sigma0, "passed": passed}))
+    assert found.level == level and words in found.text
 
 
 def test_an_explanation_says_what_a_rejection_means(make, plain) -> None:
@@ -34,12 +40,13 @@ def test_one_condition_that_fails_names_all_that_it_checks(make, plain) -> None:
 
 
 def test_without_a_test_it_says_why(make) -> None:
-    nothing = Verdict(make(global_test=None, redundancy=0))
-    assert (nothing.headline, nothing.is_accepted) == ("not tested", False)
-    assert "Nothing is redundant" in nothing.explanation
-    assert "does not hold the test" in Verdict(make(global_test=None)).explanation
-    lost = Verdict(make(global_test=None, redundancy=0, converged=False)).explanation
-    assert "did not converge" in lost and "fits exactly" not in lost
+    nothing = verdict(make(global_test=None, redundancy=0))
+    assert (nothing.level, nothing.text) == (
+        "warn",
+        "Adjusted, but nothing is checked: there is no redundancy.",
+    )
+    lost = verdict(make(global_test=None, redundancy=0, converged=False))
+    assert lost.level == "bad" and "not converged" in lost.text
 
 
 def test_the_worst_come_first_whatever_their_sign_and_unused_ones_do_not_count(record) -> None:
@@ -64,11 +71,11 @@ def type_row(name: str, factor: float, lower: float = 0.6, upper: float = 1.5) -
 
 
 def test_sigmas_of_one_type_are_judged_apart(make) -> None:
-    verdict = Verdict(make(types=[type_row("Dist", 0.001), type_row("Hz", 1.1)]))
-    assert (verdict.headline, verdict.is_accepted) == ("accepted as a whole, NOT by type", False)
-    assert "the sigmas of Dist look at least 1000 times too large" in verdict.explanation
-    assert "at 0.5 %" in verdict.explanation and "Hz" not in verdict.explanation
-    assert Verdict(make(types=[type_row("Dist", 0.7), type_row("Hz", 1.1)])).is_accepted
+    record = make(types=[type_row("Dist", 0.001), type_row("Hz", 1.1)])
+    assert verdict(record).level == "warn" and "sigmas of Dist are too large" in verdict(record).text
+    (told,) = [one for one in findings(record, {"B": 1})[0].items if one.title.startswith("Sigmas of")]
+    assert told.title == "Sigmas of Dist" and "are 0.001 of what their sigmas announce" in told.text
+    assert verdict(make(types=[type_row("Dist", 0.7), type_row("Hz", 1.1)])).level == "ok"
 
 
 def diagnosis(*names: str) -> dict[str, object]:
@@ -81,16 +88,17 @@ def test_the_worst_type_comes_first_and_gross_errors_before_all(make, plain) -> 
     rows = [type_row("Dist", 1.8), type_row("Hz", 0.01), type_row("Zen", 40.0)]
     assert [row.name for row in Verdict(make(types=rows)).types_beyond] == ["Hz", "Zen"]
     spoilt = Verdict(make(types=rows, diagnosis=diagnosis("Hz A -> B")))
-    assert spoilt.types_beyond == [] and "gross errors named above" in spoilt.explanation
+    assert spoilt.types_beyond == [] and spoilt.explanation == ""
 
 
 def test_small_residuals_say_something_with_enough_redundancy_only_and_no_more_than_rounding_allows(
     make,
 ) -> None:
     barely = type_row("Azim", 1.4e-11, 0.01) | {"redundancy": 1.0}
-    assert Verdict(make(types=[barely])).is_accepted
-    told = Verdict(make(types=[barely | {"redundancy": 6.0}])).explanation
-    assert "look at least 1000 times too large" in told
+    assert Verdict(make(types=[barely])).types_beyond == []
+    record = make(types=[barely | {"redundancy": 6.0}])
+    (told,) = [one for one in findings(record, {"B": 1})[0].items if one.title == "Sigmas of Azim"]
+    assert "multiply these sigmas by 0.001" in told.step
 
 
 def test_the_worst_observation_comes_before_sigmas_where_the_rest_is_accepted_without_it(make, plain) -> None:
@@ -120,7 +128,9 @@ def test_what_is_said_of_gross_errors_agrees_with_what_snooping_left_out(make) -
     gone = {"observation": gross, "row": 1, "statistic": 900.0, "p_value": 0.0, "blunder": 1.0}
     gone |= {"detectable": None}
     snooping = {"statistic": "w", "level": 0.05, "end": "", "suspects": [], "rejections": [gone]}
-    clean = Verdict(make(diagnosis=diagnosis(gross), snooping=snooping))
-    assert "they take no part" in clean.explanation and not clean.record.is_complete
+    clean = make(diagnosis=diagnosis(gross), snooping=snooping)
+    assert Verdict(clean).spoilt == 0 and not clean.is_complete
+    (told,) = [one for part in findings(clean, {"B": 1}) for one in part.items if "Left out: " in one.text]
+    assert told.title == gross
     other = Verdict(make(diagnosis=diagnosis(gross, "Zen A -> B (l.obs:3)"), snooping=snooping))
-    assert "may still take part" in other.explanation and other.spoilt == 1
+    assert other.spoilt == 1

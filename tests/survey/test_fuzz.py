@@ -46,26 +46,23 @@ def compute(obs_path, cor_path) -> bool:
     return True
 
 
-@pytest.mark.slow  # reads more than a thousand files; the bench as many as one likes
-@pytest.mark.parametrize("piece", range(4))
-def test_mutated_files_are_refused_or_read(tmp_path, piece):
+def test_mutated_files_are_refused_or_read(tmp_path):
+    """A few of those of the bench, which does as many as one likes."""
     counts = Counter()
-    seeds = range(1_000_000 + 1000 * piece, 1_000_000 + 1000 * piece + 350)
+    seeds = range(1_000_000, 1_000_300)
     assert [found for seed in seeds if (found := BENCH.failure(tmp_path, seed, 0.0, counts))] == []
-    assert counts["refused"] > 140
-    assert counts["read"] > 17
+    assert counts["refused"] > 120
+    assert counts["read"] > 14
 
 
-@pytest.mark.slow  # adjusts a few dozen networks
 def test_mutated_networks_are_refused_or_adjusted_to_what_can_be_trusted(tmp_path):
     counts = Counter()
-    seeds = range(2_004_900, 2_004_924)
+    seeds = range(2_004_911, 2_004_920)
     assert [found for seed in seeds if (found := BENCH.failure(tmp_path, seed, 1.0, counts))] == []
-    assert counts["adjusted"] > 3
+    assert counts["adjusted"] > 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(2))
 def test_mutated_networks(tmp_path, seed):
     chance = random.Random(seed)
     obs, cor = tmp_path / "n.obs", tmp_path / "n.cor"

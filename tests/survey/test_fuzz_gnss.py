@@ -51,18 +51,17 @@ def outcome(folder, texts, change, chance):
     return "read"
 
 
-@pytest.mark.slow  # reads a thousand files
 @pytest.mark.parametrize("form", ["dna", "dynaml", "sinex"])
 def test_mutated_files_are_refused_or_read(tmp_path, form):
     texts, change, counts = seeds(tmp_path)[form], mutated(), Counter()
-    for seed in range(350):
+    for seed in range(120):
         counts[outcome(tmp_path, texts, change, random.Random(seed))] += 1
-    assert counts["refused"] > 70
-    assert counts["read"] > 7
+    assert counts["refused"] > 24
+    assert counts["read"] > 2
 
 
 @pytest.mark.parametrize("form", ["dna", "dynaml", "sinex"])
 def test_some_mutated_files_are_refused_or_read(tmp_path, form):
     texts, change = seeds(tmp_path)[form], mutated()
-    found = {outcome(tmp_path, texts, change, random.Random(seed)) for seed in range(5000, 5060)}
+    found = {outcome(tmp_path, texts, change, random.Random(seed)) for seed in range(5000, 5020)}
     assert "refused" in found

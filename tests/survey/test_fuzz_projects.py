@@ -1,4 +1,4 @@
-"""Mutated files of other programs: a few hundred of the cases of the bench."""
+"""Mutated files of other programs: some of the cases of the bench."""
 
 import importlib
 from collections import Counter
@@ -11,7 +11,6 @@ from obseq.survey import Network
 TOOLS = Path(__file__).parents[2] / "tools" / "benchmarks"
 
 
-@pytest.mark.slow  # reads three hundred projects, adjusts some
 def test_mutated_projects_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(TOOLS)
     bench = importlib.import_module("fuzz_projects")
@@ -19,35 +18,33 @@ def test_mutated_projects_are_refused_or_give_what_can_be_trusted(monkeypatch, t
         pytest.skip(f"the data sets are not beside the repository: {bench.DATA}")
     found, counts = bench.seeds(tmp_path), Counter()
     assert len(found) > 20
-    failures = [said for number in range(120) if (said := bench.failure(found, number, 0.25, counts))]
+    failures = [said for number in range(40) if (said := bench.failure(found, number, 0.25, counts))]
     assert failures == []
-    assert counts["refused"] > 40
+    assert counts["refused"] > 13
     assert counts["adjusted"] > 0
 
 
-@pytest.mark.slow  # reads a few hundred files, adjusts some
 @pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss", "snap"])
 def test_mutated_samples_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path, name):
     monkeypatch.syspath_prepend(TOOLS)
     bench, counts = importlib.import_module("fuzz_projects"), Counter()
     found = bench.seeds(tmp_path, f"{name}.*")
     assert len(found) == 1
-    failures = [said for number in range(80) if (said := bench.failure(found, number, 0.05, counts))]
+    failures = [said for number in range(30) if (said := bench.failure(found, number, 0.05, counts))]
     assert failures == []
-    assert counts["refused"] > 20
-    assert counts["read"] + counts["adjusted"] > 2
+    assert counts["refused"] > 7
+    assert counts["read"] + counts["adjusted"] > 0
 
 
-@pytest.mark.slow  # reads some hundreds of field books, adjusts some
 def test_mutated_field_books_are_refused_or_give_what_can_be_trusted(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(TOOLS)
     bench, counts = importlib.import_module("fuzz_projects"), Counter()
     found = bench.seeds(tmp_path, "book.*")
     assert len(found) == 9
-    failures = [said for number in range(300) if (said := bench.failure(found, number, 0.05, counts))]
+    failures = [said for number in range(90) if (said := bench.failure(found, number, 0.05, counts))]
     assert failures == []
-    assert counts["refused"] > 50
-    assert counts["read"] + counts["adjusted"] > 30
+    assert counts["refused"] > 15
+    assert counts["read"] + counts["adjusted"] > 9
 
 
 @pytest.mark.parametrize("name", ["tables", "comp3d", "dna", "sinex", "starnet-gnss", "snap"])

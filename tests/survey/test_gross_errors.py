@@ -27,10 +27,10 @@ OF_MANY = [
 ]
 
 
-@pytest.mark.parametrize("seed", [2, 8, 11])
 @pytest.mark.parametrize("mistake", SINGLE + SIGHTS)
-def test_a_wrong_observation_is_named_with_its_cause(planted, mistakes, mistake, seed):
-    count = planted.counted(getattr(mistakes, mistake), range(seed, seed + 1))
+def test_a_wrong_observation_is_named_with_its_cause(planted, mistakes, mistake):
+    """Of one network; `bench_gross_errors` counts those of many."""
+    count = planted.counted(getattr(mistakes, mistake), range(8, 9))
     assert (count.named, count.first) == (1, 1)
 
 
@@ -43,7 +43,7 @@ def test_one_cause_of_many_contradictions_is_named(planted, mistakes, mistake):
 
 
 def test_honest_networks_raise_no_alarm(planted):
-    assert planted.counted(None, range(100, 105)).announced == 0
+    assert planted.counted(None, range(100, 102)).announced == 0
 
 
 def spoilt(planted, mistakes, folder, mistake, seed=11):

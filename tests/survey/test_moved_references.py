@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from obseq.errors import InputError
-from obseq.report.comparison import comparison_summary
+from obseq.report.compared import outcome
+from obseq.report.summary import listing
 from obseq.survey import Datum, Network, compare
 from obseq.survey.epochs import congruence
 from obseq.survey.epochs.congruence import motions_of, relative_to, similarities
@@ -159,5 +160,5 @@ def test_the_summary_says_that_nothing_tells_which(tmp_path):
     pair = epochs(tmp_path, four, {"R0": (0.012, 0.0)}, datum=Datum("inner", points=four[:4]))
     found = compare(*pair, 0.05, reference=four[:4])
     assert found.moved == () and "R0" in found.undecided and len(found.undecided) == 2
-    assert "MOVED, and nothing tells which" in comparison_summary(found.record())
+    assert "moved, and nothing tells which" in listing(outcome(found.record()))
     assert found.record().to_dict()["undecided"] == list(found.undecided)

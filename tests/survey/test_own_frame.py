@@ -4,7 +4,9 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from obseq.cli.main import main
 from obseq.errors import ObseqError
 from obseq.survey import Network, network_from_tables
 
@@ -106,3 +108,29 @@ def test_slope_distances_alone_make_a_network_in_space(tmp_path, seed):
         gap = np.linalg.norm(found[a] - found[b]) - np.linalg.norm(places[a] - places[b])
         assert abs(gap) < 0.03, (names[a], names[b])
     assert any("Nothing says what is vertical" in text for text in adjusted.record().warnings)
+
+
+def sub_frames(keyword, tilt):
+    """Three set-ups of nine points, of 1 mm in each axis, turned at random; as the text of an OBS file."""
+    chance = np.random.default_rng(3)
+    places, lines = chance.uniform(0.0, 30.0, (9, 3)), []
+    for origin, seen in enumerate(([2, 3, 4, 5, 6], [3, 4, 5, 6, 7, 8], [0, 3, 4, 5, 7, 8])):
+        turn = Rotation.from_euler("zxy", [*chance.uniform(-2.0, 2.0, 1), tilt, -tilt]).as_matrix()
+        lines.append(keyword)
+        for row in seen:
+            xyz = turn @ (places[row] - places[origin]) + chance.normal(0.0, 1e-3, 3)
+            lines += [f"{14 + axis} P{origin} P{row} {value:.5f} 0.001" for axis, value in enumerate(xyz)]
+    return "\n".join(lines), places
+
+
+@pytest.mark.parametrize(("keyword", "tilt", "defect"), [("#VERT", 0.0, 4), ("#BASC", 0.5, 6)])
+def test_sub_frames_need_no_known_point_and_no_file_of_points(tmp_path, keyword, tilt, defect, capsys):
+    text, places = sub_frames(keyword, tilt)
+    (tmp_path / "o.obs").write_text(text)
+    adjusted = Network.read(tmp_path / "o.obs").adjust()
+    found = adjusted.points.coordinates[[adjusted.points.names.index(f"P{k}") for k in range(9)]]
+    gaps = np.linalg.norm(found[:, None] - found, axis=2) - np.linalg.norm(places[:, None] - places, axis=2)
+    assert np.abs(gaps).max() < 5e-3
+    assert adjusted.solution.redundancy == 51 - (27 + (3 if tilt else 1) * 3 - defect)
+    assert main(["adjust", str(tmp_path / "o.obs")]) == 0
+    assert "no point has coordinates: the network is placed in" in capsys.readouterr().out

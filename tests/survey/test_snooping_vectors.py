@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from test_dynadjust import network
 
+from obseq.report.adjusted import outcome
 from obseq.report.summary import summary
 from obseq.survey import Quality
 
@@ -24,4 +25,4 @@ def test_snooping_leaves_out_whole_vectors(shared_data):
     mine = [k for k in cluster.rows.tolist() if all(end[k] == end[row] for end in ends)]
     assert len(mine) == 3 and set(mine) <= set(gone.tolist()) and len(gone) % 3 == 0
     assert first.row in mine and first.companions == 2
-    assert "left out with its whole vector" in summary(adjustment.record())
+    assert "Its whole vector is left out." in summary(outcome(adjustment.record()))

@@ -6,9 +6,10 @@ import re
 import numpy as np
 import pytest
 
-from obseq.report.listing import listing
+from obseq.report.adjusted import outcome
 from obseq.report.page import page
 from obseq.report.result_file import read_json, to_json
+from obseq.report.summary import listing
 from obseq.survey import Datum, Network, network_from_tables
 
 CORNERS = {"A": (0.0, 0.0, 0.0), "B": (60.0, 0.0, 0.0), "C": (100.0, 0.0, 0.0), "D": (40.0, 30.0, 30.0)}
@@ -32,7 +33,7 @@ def test_a_free_network_says_which_motions_its_observations_do_not_see(free) -> 
     assert texts == [*(f"the position along {axis}" for axis in "xyz"), "the rotation about z"]
     (note,) = [text for text in free.notes if "rank defect 4" in text]
     assert f"undetermined {', '.join(texts)} of all points. The points" in note
-    assert "the rotation about z" in listing(free)
+    assert "the rotation about z" in listing(outcome(free))
 
 
 def test_its_rotation_turns_every_point_about_the_centre(free) -> None:
@@ -73,7 +74,7 @@ def test_a_point_that_nothing_holds_along_one_direction_is_drawn_with_it(tmp_pat
     (lost,) = record.left_out
     assert (lost.name, lost.place) == ("P", (40.0, 30.0, 0.0))
     np.testing.assert_allclose(np.abs(lost.directions), [[0.0, 0.0, 1.0]], atol=1e-3)
-    assert "nothing holds it along (0.00, 0.00, 1.00)" in listing(record)
+    assert "nothing holds it along (0.00, 0.00, 1.00)" in listing(outcome(record))
     content = content_of(page(record))
     ((row, *direction),) = content["plan"]["loose"]
     assert content["names"][row] == "P"

@@ -40,7 +40,9 @@ def read(paths: list[Path]) -> Network:
     """A network, from its files."""
     if paths[0].suffix == ".obs":
         return Network.read(paths[0], paths[1], points_crs=CRS)
-    asked = paths[0].suffix == ".dat" or paths[0].name in BOOKS or b"<LandXML" in paths[0].read_bytes()[:100]
+    if paths[0].name in BOOKS:
+        return Network.read_project(paths[:1], sigmas=SIGMAS, point_files=paths[1:])
+    asked = paths[0].suffix == ".dat" or b"<LandXML" in paths[0].read_bytes()[:100]
     sigmas = SIGMAS if asked else []
     network = Network.read_project(paths, sigmas=sigmas)
     return replace(

@@ -8,12 +8,14 @@ and takes at most 3 iterations more than the referee's Gauss-Newton. What the re
 counted, and so are right networks in which obseq announces gross errors. Counted apart is what the referee,
 asked again, finds to be no disagreement: its own minimum was a higher one, two places fit as well, or what
 obseq leaves out is uncertain by a hundredth of the size of the network. Blocks of images are judged alike:
-control, lengths, rigid blocks, clinometers, surveys in them, free datums.
+control, lengths, rigid blocks, clinometers, surveys in them, free datums. `--held` takes networks on inner
+constraints some coordinates of which are held; of the others of a seed it says "undetermined".
 
 Example:
     python tools/benchmarks/bench_independent.py --networks 3000 --json done.json
     python tools/benchmarks/bench_independent.py --seeds 57 1234
     python tools/benchmarks/bench_independent.py --blocks --networks 500
+    python tools/benchmarks/bench_independent.py --held --first 20000 --networks 420
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
 from command import command_line, write_json
 from referee.generated_blocks import block_case
-from referee.generated_networks import case
+from referee.generated_networks import case, held_case
 from referee.judged import judge
 from referee.judged_blocks import judge_block
 
@@ -40,16 +42,29 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterable
 
+    from referee.generated_networks import Case
+
 Figures = dict[str, Any]
 SIZES = ("coordinates", "sigma0", "covariances", "residuals", "standardised", "inner", "redundancies")
 
 
 def network_figures(seed: int, folder: Path) -> Figures:
     """What is said of one network."""
-    made = case(seed)
+    return _of_network(case(seed), folder)
+
+
+def held_figures(seed: int, folder: Path) -> Figures:
+    """What is said of one network on inner constraints, coordinates of which are held."""
+    made = held_case(seed)
+    if made is None:
+        return _figures(seed, None, {"dialect": "", "place": "", "is_inner": True})
+    return _of_network(made, folder)
+
+
+def _of_network(made: Case, folder: Path) -> Figures:
     verdict = judge(made, folder)
     about = {"dialect": made.dialect, "place": made.place, "is_inner": made.network.inner is not None}
-    return _figures(seed, verdict, about)
+    return _figures(made.seed, verdict, about)
 
 
 def block_figures(seed: int, folder: Path) -> Figures:
@@ -130,6 +145,9 @@ def asked() -> argparse.Namespace:
     parser = command_line(__doc__)
     parser.add_argument("--networks", type=int, default=300, help="how many seeds (default 300)")
     parser.add_argument("--blocks", action="store_true", help="blocks of images")
+    parser.add_argument(
+        "--held", action="store_true", help="networks with held coordinates, on inner constraints"
+    )
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--seeds", type=int, nargs="+", help="these alone")
     parser.add_argument(
@@ -144,7 +162,7 @@ def main() -> int:
     path = arguments.json
     done = {item["seed"]: item for item in json.loads(path.read_text())} if path and path.exists() else {}
     seeds = arguments.seeds or range(arguments.first, arguments.first + arguments.networks)
-    figures = block_figures if arguments.blocks else network_figures
+    figures = held_figures if arguments.held else block_figures if arguments.blocks else network_figures
     found = judged(figures, seeds, done, path)
     chosen = [found[seed] for seed in seeds]
     if arguments.seeds:

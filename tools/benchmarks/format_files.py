@@ -246,12 +246,13 @@ def _sinex(values: np.ndarray, matrix: np.ndarray) -> Iterator[str]:
 
 
 def field_book(name: str) -> Callable[[Path, int], list[Path]]:
-    """What writes field books: a simulated job again and again."""
+    """What writes field books: a simulated job again and again, with its known points."""
 
     def write(folder: Path, n: int) -> list[Path]:
         setups = field_books.job()
         again = setups * (n // sum(3 * len(setup.shots) for setup in setups))
-        return [written(folder / name, field_books.FORMATS[name](again))]
+        known = written(folder / "known.csv", field_books.known().splitlines())
+        return [written(folder / name, field_books.FORMATS[name](again)), known]
 
     return write
 

@@ -27,10 +27,10 @@ from pathlib import Path
 
 from obseq.errors import ObseqError
 from obseq.records.adjustment import AdjustmentRecord
-from obseq.report.listing import listing
+from obseq.report.adjusted import outcome as told_of
 from obseq.report.page import page
 from obseq.report.result_file import to_json
-from obseq.report.summary import summary
+from obseq.report.summary import listing, summary
 from obseq.survey import Network, PointFileOptions
 
 PATIENCE = 30
@@ -226,12 +226,13 @@ def check_result(record: AdjustmentRecord) -> None:
     if record.converged and record.redundancy > 0:
         assert record.sigma0 is not None, "converged without sigma0"
     assert record.redundancy >= 0, f"redundancy {record.redundancy}"
-    for write in (listing, page, summary, to_json):
-        text = write(record)
-        assert text.replace("\n", "").isprintable(), f"{write.__name__}: unprintable"
+    told = told_of(record)
+    written = {"listing": listing(told), "summary": summary(told), "page": page(record)}
+    for name, text in (written | {"result file": to_json(record)}).items():
+        assert text.replace("\n", "").isprintable(), f"{name}: unprintable"
         shown = re.sub("<script.*?</script>", "", text, flags=re.DOTALL)
         found = "nan" in shown.replace(" nan ", " ").lower().split()
-        assert not found or has_nan(record), f"{write.__name__}: nan"
+        assert not found or has_nan(record), f"{name}: nan"
 
 
 def has_nan(record: AdjustmentRecord) -> bool:

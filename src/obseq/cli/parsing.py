@@ -1,16 +1,15 @@
 """What the subcommands share when they declare their arguments."""
 
 import argparse
-import difflib
 import math
 import os
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from copy import copy
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn, TextIO, TypeAlias
 
 from obseq.writing import STANDARD_OUTPUT
 
@@ -184,6 +183,8 @@ class CommandParser(Parser):
 
 def meant(word: str, known: Iterable[str]) -> str:
     """What a misspelt word may have been, as the end of a sentence; nothing where no known one is near."""
+    import difflib
+
     folded = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), folded, n=1, cutoff=0.6)
     return f"; did you mean {folded[near[0]]}?" if near else ""
@@ -198,14 +199,11 @@ COLOURS = {"bad": "1;31", "warn": "1;33", "ok": "1;32"}
 """Of verdicts, as terminals call them; the words say the same."""
 
 
-def coloured(text: str, levels: Mapping[str, str]) -> str:
-    """The text with some of its lines in the colour of their level, where a person reads it on a terminal."""
-    if not sys.stdout.isatty() or "NO_COLOR" in os.environ:
-        return text
-    lines = text.split("\n")
-    return "\n".join(
-        f"\x1b[{COLOURS[levels[line]]}m{line}\x1b[0m" if line in levels else line for line in lines
-    )
+def coloured(line: str, level: str, stream: TextIO) -> str:
+    """The line in the colour of its level, where a person reads it on a terminal."""
+    if level not in COLOURS or not stream.isatty() or "NO_COLOR" in os.environ:
+        return line
+    return f"\x1b[{COLOURS[level]}m{line}\x1b[0m"
 
 
 def say(text: str, outputs: Iterable[Path]) -> None:

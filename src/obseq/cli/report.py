@@ -1,13 +1,13 @@
 """`obseq report`: the reports of a stored result, made again."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
 from msgspec import structs
 
-from obseq.cli.parsing import Commands, add_command, say
+from obseq.cli.parsing import Commands, add_command
 from obseq.cli.results import (
     INCOMPLETE,
     Outputs,
@@ -16,6 +16,7 @@ from obseq.cli.results import (
     in_units,
     outputs_of,
     show,
+    show_adjustment,
     write,
 )
 from obseq.errors import InputError
@@ -25,6 +26,7 @@ from obseq.records.plan import PlanRecord
 from obseq.records.record import from_plain
 from obseq.records.shown_units import chosen_units
 from obseq.report.result_file import read_plain
+from obseq.report.summary import listing
 from obseq.writing import check_writable, write_all
 
 STEMS = {"obseq-bundle": "bundle", "obseq-plan": "plan", "obseq-comparison": "comparison"}
@@ -68,44 +70,48 @@ def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> 
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
     check_writable([path for path, _ in outputs], map(Path, record.files or ()))
     record = write(record, outputs)
-    show(record, outputs, detail=detail_of(arguments))
+    show_adjustment(record, _paths(outputs), detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
 
 
 def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a block of images."""
     from obseq.images.output.block_record import block_record_of
-    from obseq.images.output.page import page
-    from obseq.images.output.summary import summary
+    from obseq.images.output.page import outcome, page
 
     if arguments.units:
         raise InputError("--units: reports of blocks of images are in the unit of their world, and in pixels")
     record = block_record_of(plain, str(arguments.result))
-    told = summary(record, _names(outputs))
-    _write({"text": told, "json": record.to_json(), "html": page(record)}, told, outputs)
+    found = outcome(record)
+    texts = {"text": lambda: listing(found), "json": record.to_json, "html": lambda: page(record)}
+    _write(texts, outputs)
+    show(found, _paths(outputs), detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
 
 
 def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a plan."""
     from obseq.cli.networks.plan import exit_code, texts_of
-    from obseq.report.planning import plan_summary
+    from obseq.report.planned import outcome
 
     record = _read(PlanRecord, plain, arguments)
     record = structs.replace(record, adjustment=in_units(record.adjustment, arguments))
-    _write(texts_of(record), plan_summary(record, _names(outputs)), outputs)
+    _write(texts_of(record), outputs)
+    show(outcome(record), _paths(outputs), detail_of(arguments))
     return exit_code(record)
 
 
 def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a comparison."""
-    from obseq.cli.networks.compare import reasons_of, texts_of
-    from obseq.report.comparison import comparison_summary
+    from obseq.cli.networks.compare import exit_code, texts_of
+    from obseq.report.compared import outcome
 
     record = _read(ComparisonRecord, plain, arguments)
     record = structs.replace(record, units=chosen_units(arguments.units, record.units))
-    _write(texts_of(record), comparison_summary(record, _names(outputs)), outputs)
-    return INCOMPLETE if any(reasons_of(record, [])) else 0
+    _write(texts_of(record), outputs)
+    found = outcome(record)
+    show(found, _paths(outputs), detail_of(arguments))
+    return exit_code(found)
 
 
 def _read(kind: type[Kind], plain: object, arguments: argparse.Namespace) -> Kind:
@@ -118,11 +124,10 @@ def _read(kind: type[Kind], plain: object, arguments: argparse.Namespace) -> Kin
     return from_plain(kind, plain, str(arguments.result))
 
 
-def _names(outputs: Outputs) -> list[str]:
-    return [str(path) for path, _ in outputs]
+def _paths(outputs: Outputs) -> list[Path]:
+    return [path for path, _ in outputs]
 
 
-def _write(texts: Mapping[str, str], told: str, outputs: Outputs) -> None:
-    """Write the reports by the names of their formats, and print the summary."""
-    write_all({path: texts[form.name] for path, form in outputs})
-    say(told, [path for path, _ in outputs])
+def _write(texts: Mapping[str, Callable[[], str]], outputs: Outputs) -> None:
+    """Write the reports by the names of their formats."""
+    write_all({path: texts[form.name]() for path, form in outputs})

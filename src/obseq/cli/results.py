@@ -1,6 +1,8 @@
 """Where the results of a command go: the options that say so, and the writing."""
 
 import argparse
+import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,21 +12,16 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from obseq.boundary import Boundary
-from obseq.cli.parsing import coloured, output_file, say
-from obseq.dataclass import dataclass
+from obseq.cli.parsing import coloured, output_file
 from obseq.errors import InputError
-from obseq.printable import printable
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
-from obseq.report.adjusted import verdict
 from obseq.report.formats import FORMATS, Format
-from obseq.report.said import plain
-from obseq.report.summary import SHOWN, in_text, summary
-from obseq.writing import write_all
+from obseq.report.summary import USUAL, Detail, told
+from obseq.writing import STANDARD_OUTPUT, write_all
 
 if TYPE_CHECKING:
-    from obseq.report.head import Page
-    from obseq.report.units import Units
+    from obseq.report.summary import Outcome
     from obseq.survey import Network
 
 INCOMPLETE = 1
@@ -81,40 +78,14 @@ def outputs_in(folder: Path) -> Outputs:
     return [(path, form) for form, path in _inside(folder, STEM)]
 
 
-def add_quiet(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    """Add what leaves the verdict alone of what is printed."""
-    group.add_argument("-q", "--quiet", action="store_true", help="print the verdict alone")
-
-
-def print_verdict(page: "Page", units: "Units", written: Iterable[Path]) -> None:
-    """Print the sentence that the page begins with, in its colour, and what was written."""
-    sentence = in_text(plain(page.verdict.text, units))
-    print(printable(coloured(sentence, {sentence: page.verdict.level})))
-    if names := ", ".join(map(str, written)):
-        print(printable(f"Written: {names}"))
-
-
 def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add what says how much is printed."""
-    add_quiet(group)
+    group.add_argument("-q", "--quiet", action="store_true", help="print the verdict alone")
     group.add_argument(
-        "-v", "--verbose", action="store_true", help="print iterations, residuals, all notes, times"
+        "-v", "--verbose", action="store_true", help="print all findings, iterations, worst residuals, times"
     )
-    purpose = "print tables as well, of points, observations or known coordinates"
-    group.add_argument("--show", nargs="+", choices=SHOWN, metavar="TABLE", default=(), help=purpose)
-
-
-@dataclass(frozen=True)
-class Detail:
-    """How much is printed.
-
-    Attributes:
-        amount: "quiet", "usual" or "verbose".
-        shown: Tables that are printed as well.
-    """
-
-    amount: str = "usual"
-    shown: tuple[str, ...] = ()
+    purpose = "print tables of the page as well: points, residuals, ..."
+    group.add_argument("--show", nargs="+", metavar="TABLE", default=(), help=purpose)
 
 
 def detail_of(arguments: argparse.Namespace) -> Detail:
@@ -125,17 +96,30 @@ def detail_of(arguments: argparse.Namespace) -> Detail:
     return Detail(amount, tuple(arguments.show))
 
 
-USUAL = Detail()
-
-
 def show(
-    record: AdjustmentRecord, outputs: Outputs, others: Sequence[Path] = (), detail: Detail = USUAL
+    outcome: "Outcome",
+    written: Iterable[Path] = (),
+    detail: Detail = USUAL,
+    seconds: Mapping[str, float] | None = None,
 ) -> None:
-    """Print the summary, and what was written: other files first."""
-    paths = [*others, *(path for path, _ in outputs)]
-    text = summary(record, [str(path) for path in paths], detail.amount, detail.shown)
-    judged = verdict(record)
-    say(coloured(text, {judged.text: judged.level}), paths)
+    """Print the summary, on standard error where a result is printed: that may be read by a program."""
+    paths = list(written)
+    stream = sys.stderr if STANDARD_OUTPUT in paths else sys.stdout
+    for line, level in told(outcome, [str(path) for path in paths], detail, seconds):
+        print(coloured(line, level, stream), file=stream)
+
+
+def show_adjustment(
+    record: AdjustmentRecord, written: Iterable[Path], detail: Detail = USUAL, others: Iterable[Path] = ()
+) -> None:
+    """The same of a network; other files come first."""
+    from obseq.report.adjusted import outcome
+
+    begun = time.perf_counter()
+    seconds = {phase.name: phase.seconds for phase in record.phases or ()}
+    found = outcome(record)
+    seconds["summary"] = time.perf_counter() - begun
+    show(found, [*others, *written], detail, seconds)
 
 
 def write(

@@ -14,7 +14,6 @@ import logging
 import os
 import stat
 import sys
-import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -122,6 +121,8 @@ def keep(path: Path, content: bytes) -> None:
             parent.mkdir(mode=0o700, exist_ok=True)
         elif user_folder() in parent.parents:
             _close_to_others(parent)
+    import tempfile
+
     descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=".writing-")
     try:
         with os.fdopen(descriptor, "wb") as file:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
-import platform
+import os
 import sys
 from functools import cache
 from pathlib import Path
@@ -49,7 +49,7 @@ def path_of(level: str) -> Path:
 def levels_here() -> list[str]:
     """Kinds of processors that this one belongs to, the best first; none where features are not known."""
     has = _features()
-    levels = LEVELS.get(platform.machine(), {}) if sys.platform == "linux" else {}
+    levels = LEVELS.get(os.uname().machine, {}) if sys.platform == "linux" else {}
     return [name for name, needed in levels.items() if needed <= has]
 
 

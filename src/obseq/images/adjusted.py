@@ -128,14 +128,11 @@ class AdjustedBlock(BundleSolution):
         Raises:
             InputError: The suffix is another, or the file cannot be written.
         """
-        from obseq.images.output.page import page
-        from obseq.images.output.summary import summary
+        from obseq.images.output.page import page, text
         from obseq.report.saving import save
 
         record = self.record()
-        save(
-            {".json": record.to_json, ".html": partial(page, record), ".txt": partial(summary, record)}, path
-        )
+        save({".json": record.to_json, ".html": partial(page, record), ".txt": partial(text, record)}, path)
 
     @property
     def _shape_redundancy(self) -> int | None:

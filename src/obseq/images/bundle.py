@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from obseq.images.adjustment.approach import Solving
     from obseq.images.adjustment.quality import BlunderSearch
     from obseq.images.adjustment.start import Start
-    from obseq.leastsquares import Iteration
+    from obseq.leastsquares import Blocks, Iteration
 
 MAX_ITERATIONS, ROBUST_ITERATIONS, MOST = 50, 200, 400
 TOLERANCE, ROBUST_TOLERANCE = 1e-6, 1e-3
@@ -61,6 +61,7 @@ class BundleAdjustment(EditedBlock):
         threads: int = 1,
         progress: Callable[[Iteration], None] | None = None,
         blunders: BlunderSearch | None = None,
+        blocks: Blocks | None = None,
     ) -> BundleSolution:
         """Adjusts the block; the block itself does not change.
 
@@ -79,6 +80,7 @@ class BundleAdjustment(EditedBlock):
             threads: how many share the work.
             progress: receives the record of each iteration.
             blunders: how to look for wrong observations and leave them out; None for not at all.
+            blocks: how it is solved in blocks, with little memory or by many workers; None for at once.
 
         Raises:
             InputError: something in the block makes the adjustment impossible; it is named.
@@ -96,6 +98,7 @@ class BundleAdjustment(EditedBlock):
             threads=threads,
             progress=progress,
             blunders=blunders,
+            blocks=blocks,
         )
         solution = solve(start_of(self))
         places = taken_in_again(solution)
@@ -120,13 +123,14 @@ class BundleAdjustment(EditedBlock):
         threads: int,
         progress: Callable[[Iteration], None] | None,
         blunders: BlunderSearch | None,
+        blocks: Blocks | None,
     ) -> BundleSolution:
         """The solution from where a block starts; see `solve`."""
         start, initial = with_surveys(self.surveys, start)
         check_datum(self, start, datum)
         check_scale(self, datum)
         keeps_points = datum == "points" or not isinstance(datum, str)
-        system = LeastSquares(threads=threads)
+        system = LeastSquares(blocks or "auto", threads)
         eliminate = eliminate and not keeps_points and strategy in WITH_ELIMINATION
         equations = Equations(self, start, system, eliminate)
         turned = dict(zip(start.poses.images, map(int, equations.rotations), strict=True))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.arguments import FUNCTION, NOTHING, NUMBER, TEXT, TEXTS, WHOLE, expecting
+from obseq.arguments import FUNCTION, NOTHING, NUMBER, TEXT, TEXTS, WHOLE, expecting, instance
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
@@ -19,6 +19,7 @@ from obseq.images.adjusted import AdjustedBlock
 from obseq.images.adjustment.adjustable import AdjustableBlock
 from obseq.images.causes.diagnosing import diagnosed, silent
 from obseq.images.causes.refusals import explained
+from obseq.leastsquares import Blocks
 from obseq.leastsquares.problem.losses import named_loss
 
 if TYPE_CHECKING:
@@ -113,6 +114,7 @@ class EditedBlock(AdjustableBlock):
         strategy=TEXT,
         loss=TEXT | NOTHING,
         threads=WHOLE,
+        blocks=instance(Blocks) | NOTHING,
     )
     def adjust(
         self,
@@ -124,6 +126,7 @@ class EditedBlock(AdjustableBlock):
         strategy: str = "levenberg-marquardt",
         loss: str | None = None,
         threads: int = 1,
+        blocks: Blocks | None = None,
     ) -> AdjustedBlock:
         """Adjusts the block, which does not change: places images, solves the block, looks for errors.
 
@@ -135,6 +138,7 @@ class EditedBlock(AdjustableBlock):
             strategy: As for `solve`.
             loss: "huber", "l1", "cauchy" or "tukey" for robust weights of image points.
             threads: How many share the work.
+            blocks: As for `solve`.
 
         Raises:
             InputError: Something in the block makes the adjustment impossible; it is named.
@@ -143,7 +147,7 @@ class EditedBlock(AdjustableBlock):
         told, made = progress or silent, self.copied()
         given = made.poses
         limits = {"max_iterations": max_iterations, "tolerance": tolerance}
-        options = {"datum": datum, "strategy": strategy, "threads": threads, **limits}
+        options = {"datum": datum, "strategy": strategy, "threads": threads, "blocks": blocks, **limits}
         with explained(made, told, **options):
             told("first values")
             made.initialise()

@@ -1,2 +1,2 @@
+from .adjusted import JointSolution as JointSolution
 from .adjustment import Adjustment as Adjustment
-from .solution import JointSolution as JointSolution

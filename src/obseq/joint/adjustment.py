@@ -11,11 +11,13 @@ from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.start import start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, places_in, with_surveys
 from obseq.images.names import as_names
+from obseq.joint.adjusted import JointSolution
 from obseq.joint.named import add_named, named_equation
 from obseq.joint.places import place_points
-from obseq.joint.solution import ImagePart, JointSolution
+from obseq.joint.solution import ImagePart
 from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.problem.arguments import finite
+from obseq.survey.points import make_points
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -26,9 +28,11 @@ if TYPE_CHECKING:
     from obseq.images import BundleAdjustment
     from obseq.joint.named import NamedEquation
     from obseq.kernels.loading import Kernel
-    from obseq.leastsquares import Batch, Iteration, Loss
+    from obseq.leastsquares import Batch, Blocks, Iteration, Loss
     from obseq.leastsquares.iterations.strategies import Strategy
+    from obseq.leastsquares.problem.priors import Prior
     from obseq.survey import InitialValues, Network
+    from obseq.survey.points import Points
 
 GROUP = "known values"
 
@@ -206,6 +210,7 @@ class Adjustment:
         strategy: str | Strategy = "levenberg-marquardt",
         threads: int = 1,
         progress: Callable[[Iteration], None] | None = None,
+        blocks: Blocks | None = None,
     ) -> JointSolution:
         """Adjusts everything; this object stays as it is.
 
@@ -216,12 +221,13 @@ class Adjustment:
             strategy: see `obseq.LeastSquares.solve`.
             threads: how many share the work.
             progress: receives the record of each iteration.
+            blocks: how it is solved in blocks, with little memory or by many workers; None for at once.
 
         Raises:
             InputError: A name is that of nothing, or nothing gives a point its place.
             SingularSystemError: Some unknowns are not determined; they are named.
         """
-        system = LeastSquares(threads=threads)
+        system = LeastSquares(blocks or "auto", threads)
         images, networks = self._images(system)
         initial = images[1] if images else [self._placed(network).initial_values() for network in networks]
         part = images[0] if images else None
@@ -231,7 +237,7 @@ class Adjustment:
         self._add_own(system)
         also = dict(self._block.camera_of) if self._block else {}
         place_points(system, self._unplaced(system), self._equations, also)
-        batches = self._join(system, also)
+        known, batches = self._join(system, also)
         start = system.unknowns.state()
         result = system.solve(
             max_iterations,
@@ -242,7 +248,23 @@ class Adjustment:
             strategy=strategy,
         )
         equations = tuple(zip(self._equations, batches, strict=True))
-        return JointSolution(system, result, equations, part, tuple(surveys), start)
+        priors = tuple(
+            (name, prior)
+            for (kind, name, *_), prior in zip(self._known, known, strict=True)
+            if kind == "Point3"
+        )
+        return JointSolution(
+            system, result, equations, part, tuple(surveys), start, self._own_points(), priors
+        )
+
+    def _own_points(self) -> Points:
+        """The points that were added, with what is known of them."""
+        sigmas = {name: np.full(3, np.nan) for name in self._points}
+        sigmas |= {name: sigma for kind, name, _, sigma in self._known if kind == "Point3"}
+        sigmas |= {name: np.zeros(3) for kind, name in self._held if kind == "Point3" and name in sigmas}
+        names = list(self._points)
+        known = np.array([sigmas[name] for name in names]).reshape(-1, 3)
+        return make_points(names, np.array([self._points[name] for name in names]).reshape(-1, 3), known)
 
     def _images(
         self, system: LeastSquares
@@ -296,10 +318,12 @@ class Adjustment:
         known = system.unknowns.called("Point3")
         return [name for name, at in self._points.items() if name in known and not np.isfinite(at).all()]
 
-    def _join(self, system: LeastSquares, also: Mapping[str, str]) -> list[Batch]:
-        """The equations, and what is known, in the system."""
-        for kind, name, value, sigma in self._known:
+    def _join(self, system: LeastSquares, also: Mapping[str, str]) -> tuple[list[Prior], list[Batch]]:
+        """What is known, and the equations, in the system."""
+        known = [
             system.add_prior(system.ids([name], kind), value[None], sigma[None], GROUP)
+            for kind, name, value, sigma in self._known
+        ]
         for kind, name in self._held:
             system.freeze(system.ids([name], kind))
-        return [add_named(system, equation, also) for equation in self._equations]
+        return known, [add_named(system, equation, also) for equation in self._equations]

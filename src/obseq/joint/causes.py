@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,17 +14,22 @@ from obseq.diagnosis.hypotheses import Family, Hypotheses
 from obseq.diagnosis.linear import linearised, with_priors
 from obseq.diagnosis.policy import LOSSES, NO_WEIGHT
 from obseq.errors import ObseqError
+from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.model import DAMPED, ITERATIONS, NEAR, STAGES, TOLERANCE, Place
-from obseq.images.causes.points import OTHER
-from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SuspectRecord
+from obseq.images.causes.other_observation import OTHER
+from obseq.images.causes.survey_equations import SurveyEquations
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord, SuspectRecord
+from obseq.survey.causes.catalogue import RARITY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from obseq.arrays import BoolArray
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.protocol import Change, Slip
     from obseq.diagnosis.verdict import Accusation, Verdict
+    from obseq.images.adjustment.surveys import JoinedSurvey
+    from obseq.images.causes.survey_equations import SurveyEquation
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.priors import Prior
@@ -37,13 +43,24 @@ class Observation(NamedTuple):
     row: int
     first: int
     width: int
+    survey: SurveyEquation | None
+
+    @property
+    def code(self) -> str:
+        """Of what accuses it: that of surveys for what is of one."""
+        return OTHER.code if self.survey is None else self.survey.code
+
+    @property
+    def what(self) -> str:
+        """What it is called."""
+        return self.source.label(self.row) if self.survey is None else self.survey.what
 
 
 def diagnosis_of(
     system: LeastSquares,
     result: LeastSquaresResult,
     start: State,
-    before: Callable[[LeastSquares, int], None] | None,
+    surveys: Sequence[JoinedSurvey],
 ) -> DiagnosisRecord:
     """What is wrong with an adjustment that has redundancy; the system is as it was afterwards.
 
@@ -51,9 +68,9 @@ def diagnosis_of(
         system: it was solved.
         result: what came out.
         start: where the iterations started.
-        before: is called before each iteration.
+        surveys: networks in it.
     """
-    model = JointModel(system, result, start, before)
+    model = JointModel(system, result, start, surveys)
     with model.borrowed():
         return _record(diagnose(model), model)
 
@@ -66,30 +83,32 @@ class JointModel:
         system: LeastSquares,
         result: LeastSquaresResult,
         start: State,
-        before: Callable[[LeastSquares, int], None] | None,
+        surveys: Sequence[JoinedSurvey],
     ) -> None:
-        self._system, self._result, self._start, self._before = system, result, start, before
+        self._system, self._result, self._start = system, result, start
+        self._before, of_surveys = follower(surveys), SurveyEquations(surveys)
         self._batches, self._priors = list(system.batches), list(system.priors)
         self._actives = [batch.active.copy() for batch in self._batches]
         self._losses = [batch.loss for batch in self._batches]
         self._sigmas = [prior.sigmas.copy() for prior in self._priors]
         self._state = system.unknowns.state()
-        self.observations: list[Observation] = []
+        found: list[Observation] = []
         first = 0
         for batch, active in zip(self._batches, self._actives, strict=True):
             width = batch.shape.n_residuals
             rows = np.flatnonzero(active).tolist()
-            self.observations += [Observation(batch, row, first + width * row, width) for row in rows]
+            found += [
+                Observation(batch, row, first + width * row, width, of_surveys.of(batch, row)) for row in rows
+            ]
             first += width * batch.n
         for prior in self._priors:
             count = len(prior.scalars)
-            self.observations += [Observation(prior, row, first + row, 1) for row in range(count)]
+            found += [Observation(prior, row, first + row, 1, None) for row in range(count)]
             first += count
         self._n = first
-        starts = np.append(0, np.cumsum([one.width for one in self.observations]))
-        columns = [np.arange(one.first, one.first + one.width) for one in self.observations]
-        joined = np.concatenate([np.zeros(0, np.int64), *columns])
-        self.hypotheses = Hypotheses([Family(OTHER.code, starts, joined, is_start=True)])
+        self.observations = sorted(found, key=lambda one: one.code)
+        alike = itertools.groupby(self.observations, key=lambda one: one.code)
+        self.hypotheses = Hypotheses([_family(code, list(members)) for code, members in alike])
 
     @contextmanager
     def borrowed(self) -> Iterator[None]:
@@ -141,8 +160,9 @@ class JointModel:
         return Place(self._system.unknowns.state()), result.converged, len(result.iterations)
 
     def slips(self, change: Change, place: Place) -> tuple[Slip, ...]:
-        """None: what the numbers of any formula are is not known here."""
-        return ()
+        """Of surveys alone: what the numbers of any formula are is not known here."""
+        survey = self.observations[change.index].survey
+        return () if survey is None else tuple(survey.slips(change))
 
     def _solve(self, most: int, tolerance: float, *, covariance: bool = False) -> LeastSquaresResult:
         return self._system.solve(most, tolerance, covariance, before_iteration=self._before, strategy=DAMPED)
@@ -184,24 +204,36 @@ class JointModel:
             prior.sigmas = sigmas
 
 
+def _family(code: str, members: Sequence[Observation]) -> Family:
+    """The hypotheses that each of some observations is wrong."""
+    starts = np.append(0, np.cumsum([one.width for one in members]))
+    columns = np.concatenate([np.arange(one.first, one.first + one.width) for one in members])
+    return Family(code, starts, columns, RARITY.get(code, 0.0), is_start=True)
+
+
 def _record(verdict: Verdict, model: JointModel) -> DiagnosisRecord:
-    def what(index: int) -> str:
+    def suspect(index: int) -> SuspectRecord:
         one = model.observations[index]
-        return one.source.label(one.row)
+        return SuspectRecord(one.code, one.what)
 
     def accused(one: Accusation) -> AccusedRecord:
-        others = tuple(SuspectRecord(OTHER.code, what(other.change.index)) for other in one.others)
-        name, size = what(one.change.index), ", ".join(f"{value:+.4g}" for value in one.change.size)
+        own, others = suspect(one.change.index), tuple(suspect(other.change.index) for other in one.others)
+        survey = model.observations[one.change.index].survey
+        size = ", ".join(f"{value:+.4g}" for value in one.change.size)
+        size = size if survey is None else survey.told(float(one.change.size[0]))
+        slip = "".join(f"; {slip.text}" for slip in one.slips[:1])
         alike = "".join(f", or {other.what}" for other in others)
         return AccusedRecord(
-            OTHER.code,
-            name,
-            text=f"{name}{alike}: off by {size}",
+            own.code,
+            own.what,
+            text=f"{own.what}{alike} is off by {size}{slip}",
             size=tuple(one.change.size.tolist()),
             sigma=tuple(one.change.sigma.tolist()),
+            unit="" if survey is None else survey.unit,
             test=one.test,
             limit=one.limit,
             others=others,
+            slips=tuple(SlipRecord(slip.code, slip.text) for slip in one.slips),
         )
 
     return DiagnosisRecord(

@@ -71,8 +71,15 @@ class NamedEquation:
 
     def label(self, row: int) -> str:
         """An observation in words: its formula and its parts."""
-        names = dict.fromkeys(names[row] for names in self.parts.values())
-        return " ".join(names)
+        return " ".join(self._names(row))
+
+    def ends(self, row: int) -> tuple[str, str]:
+        """The first two names of an observation: where from, and where to; empty where there is none."""
+        first, second, *_ = (*self._names(row), "", "")
+        return first, second
+
+    def _names(self, row: int) -> list[str]:
+        return list(dict.fromkeys(names[row] for names in self.parts.values()))
 
 
 def named_equation(

@@ -1,4 +1,4 @@
-"""What an open adjustment found: values by name, residuals and tests of each equation, and a report."""
+"""What an open adjustment found: values by name, residuals and tests of each equation, parts as views."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
+from obseq.images.adjusted import AdjustedBlock
 from obseq.images.adjustment.solution import BundleSolution
-from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.diagnosing import single_errors
 from obseq.joint.causes import diagnosis_of
 from obseq.joint.named import KNOWN_AS
-from obseq.leastsquares import global_test, reliability
+from obseq.leastsquares import reliability
+from obseq.survey.points import make_points, merge_points
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.adjustable import AdjustableBlock
@@ -28,9 +29,11 @@ if TYPE_CHECKING:
     from obseq.images.block import Block
     from obseq.joint.named import NamedEquation
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult, Reliability
+    from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import State
     from obseq.records.diagnosis import DiagnosisRecord
-    from obseq.survey import Network
+    from obseq.survey import Adjustment, Network
+    from obseq.survey.points import Points
 
 
 class ImagePart(NamedTuple):
@@ -42,7 +45,7 @@ class ImagePart(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class JointSolution:
+class Solved:
     """An adjusted whole; precisions are a posteriori where there is redundancy, else a priori.
 
     Attributes:
@@ -52,6 +55,8 @@ class JointSolution:
         images_part: the block of images in the system; None without one.
         surveys: the survey networks: their coordinates and residuals.
         start: of the unknowns.
+        own: points that were added, with what is known of them.
+        priors: of those whose coordinates were given with sigmas.
     """
 
     system: LeastSquares
@@ -60,6 +65,8 @@ class JointSolution:
     images_part: ImagePart | None
     surveys: tuple[JoinedSurvey, ...]
     start: State
+    own: Points
+    priors: tuple[tuple[str, Prior], ...]
 
     @property
     def sigma0(self) -> float | None:
@@ -83,11 +90,41 @@ class JointSolution:
         Raises:
             InputError: There is none of that number.
         """
-        if not 0 <= number < len(self.surveys):
-            raise InputError(f"survey {number}: {len(self.surveys)} are in this adjustment, from 0 on")
-        survey = self.surveys[number]
+        survey = self._survey(number)
         points = replace(survey.network.points, coordinates=survey.coordinates(self.result))
         return replace(survey.network, points=points)
+
+    def survey(self, number: int = 0) -> Adjustment:
+        """A survey network as its `adjust` gives it: points, tests, ellipses, `table`, `plot`, `save`.
+
+        What is wrong is said of the whole, in `record`.
+
+        Raises:
+            InputError: There is none of that number.
+        """
+        return self._survey(number).adjusted(self.result, self.reliability)
+
+    def block(self) -> AdjustedBlock:
+        """The block of images as its `adjust` gives it: images, cameras, points, `table`, `plot`, `save`.
+
+        Raises:
+            InputError: There are no images.
+        """
+        images = self.images
+        return AdjustedBlock(
+            images.block,
+            images.start,
+            images.equations,
+            images.result,
+            images.iterations,
+            images.surveys,
+            diagnosis=self.diagnosis,
+        )
+
+    def _survey(self, number: int) -> JoinedSurvey:
+        if not 0 <= number < len(self.surveys):
+            raise InputError(f"survey {number}: {len(self.surveys)} are in this adjustment, from 0 on")
+        return self.surveys[number]
 
     @cached_property
     def diagnosis(self) -> DiagnosisRecord | None:
@@ -101,7 +138,7 @@ class JointSolution:
             block = cast("AdjustableBlock", self.images_part.block)
             count = sum(len(part.measures) for part in block.sets)
             return single_errors(block, self.images, count)
-        return diagnosis_of(self.system, self.result, self.start, follower(self.surveys))
+        return diagnosis_of(self.system, self.result, self.start, self.surveys)
 
     def points(self, names: Sequence[str]) -> FloatArray:
         """(n, 3) coordinates of points, or of projection centres of images."""
@@ -123,7 +160,8 @@ class JointSolution:
     @cached_property
     def reliability(self) -> Reliability:
         """Redundancy numbers and tests of all observations."""
-        return reliability(self.system, self.result)
+        groups = {batch: rows for part in self.surveys for batch, rows in part.groups().items()}
+        return reliability(self.system, self.result, groups=groups)
 
     def suspected(self) -> list[tuple[str, float]]:
         """Observations whose normalised residual is beyond the test, and that residual; the largest first."""
@@ -135,24 +173,19 @@ class JointSolution:
         ]
         return sorted(found, key=lambda one: -abs(one[1]))
 
-    def report(self) -> str:
-        """A page of text: counts, the test of sigma0, sums of squares, what is wrong, own equations."""
-        lines = [self.result.summary().rstrip()]
-        if self.result.redundancy:
-            test = global_test(self.result)
-            low, high = test.sigma0_limits
-            verdict = "accepted" if test.passed else "rejected"
-            lines.append(f"sigma0 {test.sigma0:.4f}, expected {low:.4f} to {high:.4f}: {verdict}")
-        if self.result.has_covariances and self.diagnosis:
-            lines += [f"wrong: {one.text}" for one in self.diagnosis.accused]
-        for number, (equation, _) in enumerate(self.equations):
-            residuals = self.residuals(number)
-            worst = int(np.argmax(np.abs(residuals).max(axis=1)))
-            lines.append(
-                f"{equation.group}: {len(equation)} observations, largest residual "
-                f"{residuals[worst][np.argmax(np.abs(residuals[worst]))]:+.6g} ({equation.label(worst)})"
-            )
-        return "\n".join(lines) + "\n"
+    def others(self, known: Collection[str]) -> Points:
+        """Points that are not among some: those of images, their centres, and those that were added."""
+        parts = [self.own]
+        if self.images_part is not None:
+            parts += _points_of(self.images_part.start)
+        found: list[Points] = []
+        taken = set(known)
+        for part in parts:
+            rows = [row for row, name in enumerate(part.names) if name not in taken]
+            taken |= set(part.names)
+            names = [part.names[row] for row in rows]
+            found.append(make_points(names, part.coordinates[rows], part.sigmas[rows]))
+        return merge_points(found)
 
     def _id(self, name: str, kind: str) -> int:
         known: list[str] = []
@@ -162,3 +195,13 @@ class JointSolution:
                 return table[called]
             known += table
         raise InputError(f"no {kind} is called {nearest(name, known)}")
+
+
+def _points_of(start: Start) -> list[Points]:
+    """The points and the projection centres of a block, with what is known of them."""
+    is_given = start.is_control[:, None] & ~start.is_free
+    sigmas = np.sqrt(np.diagonal(start.covariances, axis1=1, axis2=2))
+    known = np.where(is_given & start.is_held, 0.0, np.where(is_given, sigmas, np.nan))
+    given = np.where(start.is_control[:, None], start.coordinates, np.nan)
+    centres = np.full((len(start.poses.images), 3), np.nan)
+    return [make_points(start.points, given, known), make_points(start.poses.images, centres)]

@@ -1,5 +1,4 @@
-from .helmert.adjustment import BlockSolution as BlockSolution
-from .helmert.adjustment import solve_in_blocks as solve_in_blocks
+from .blocks.blocks import Blocks as Blocks
 from .iterations.graduated import graduated as graduated
 from .iterations.strategies import Controlled as Controlled
 from .iterations.strategies import Dogleg as Dogleg

@@ -16,6 +16,7 @@ from obseq.errors import InputError
 from obseq.leastsquares.assembly.evaluation import used_blocks
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.assembly.threads import checked_threads
+from obseq.leastsquares.blocks.choice import checked_choice, chosen_solver
 from obseq.leastsquares.diagnosis.rejection import rejection_told
 from obseq.leastsquares.diagnosis.singular import untouched_error
 from obseq.leastsquares.iterations.constrained_solver import ConstrainedSolver
@@ -26,13 +27,13 @@ from obseq.leastsquares.iterations.newton import factor
 from obseq.leastsquares.iterations.runs import iterations_of, move, move_at_once
 from obseq.leastsquares.solution.cofactors import Cofactors
 from obseq.leastsquares.solution.result import Iteration, StopReason
-from obseq.leastsquares.solvers import checked_solver, choose_solver
 from obseq.leastsquares.solvers.blas import one_blas_thread
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.leastsquares.blocks.blocks import Blocks
     from obseq.leastsquares.iterations.arrival import Options
     from obseq.leastsquares.iterations.constraints import Substitution
     from obseq.leastsquares.iterations.strategies import Strategy
@@ -48,7 +49,7 @@ class Analysis:
     Args:
         problem: unknowns and equations.
         eliminated: (n_blocks,) blocks that do not enter the matrix.
-        solver: name of the solver.
+        solver: name of the solver, or how it goes in blocks.
         threads: how many share the work.
 
     Raises:
@@ -56,13 +57,13 @@ class Analysis:
         SingularSystemError: no equation touches some unknowns that are not frozen.
     """
 
-    def __init__(self, problem: Problem, eliminated: BoolArray, solver: str, threads: int) -> None:
+    def __init__(self, problem: Problem, eliminated: BoolArray, solver: str | Blocks, threads: int) -> None:
         self._state = _Structure(problem)
         self._state.refuse_untouched(problem)
         self._problem = problem
         self._eliminated = eliminated.copy()
         _refuse_clusters(problem, eliminated)
-        self._solver_name = solver
+        self._choose = partial(chosen_solver, name=solver, threads=threads)
         self._threads = threads
         self.equations = NormalEquations(
             problem.unknowns,
@@ -162,8 +163,8 @@ class Analysis:
 
     def _new_solver(self) -> Solver:
         if self._state.constraints and not self._state.datum.scalars.size:
-            return ConstrainedSolver(self._substitution, self._solver_name, self._threads)
-        solver = choose_solver(self.equations.pattern, self._solver_name, threads=self._threads)
+            return ConstrainedSolver(self._substitution, self._choose)
+        solver = self._choose(self.equations.pattern)
         return self._on_datum(solver) if self._state.datum.scalars.size else solver
 
     def _on_datum(self, solver: Solver) -> DatumSolver:
@@ -191,18 +192,18 @@ class Analyses:
 
     Args:
         problem: unknowns and equations.
-        solver: name of the solver.
+        solver: name of the solver, or how it goes in blocks.
         threads: how many share the work.
     """
 
-    def __init__(self, problem: Problem, solver: str, threads: int) -> None:
+    def __init__(self, problem: Problem, solver: str | Blocks, threads: int) -> None:
         self._problem = problem
-        self._solver = checked_solver(solver)
+        self._solver = checked_choice(solver)
         self.threads = checked_threads(threads)
         self._reduced: Analysis | None = None
         self._whole: Analysis | None = None
 
-    def __reduce__(self) -> tuple[type[Analyses], tuple[Problem, str, int]]:
+    def __reduce__(self) -> tuple[type[Analyses], tuple[Problem, str | Blocks, int]]:
         return Analyses, (self._problem, self._solver, self.threads)
 
     def fresh(self) -> Analyses:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares.analysis import Analysis
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
+    from obseq.leastsquares.blocks.blocks import Blocks
     from obseq.leastsquares.iterations.gauss_newton import Progress
     from obseq.leastsquares.iterations.strategies import Strategy
     from obseq.leastsquares.problem.datum import Datum
@@ -65,7 +66,7 @@ class LeastSquares:
     returns a result that keeps its own copy.
 
     Args:
-        solver: name of the solver (see `solvers.choose_solver`).
+        solver: name of the solver (see `solvers.choose_solver`), or `Blocks` for systems of any size.
         threads: how many share assembly, factorisation and standard deviations. The solution differs by
             rounding from one number to another, not from run to run. Up to 16,000 observations, and for
             small matrices, there is one whatever is asked for.
@@ -78,7 +79,7 @@ class LeastSquares:
         [2.0, 5.0]
     """
 
-    def __init__(self, solver: str = "auto", threads: int = 1) -> None:
+    def __init__(self, solver: str | Blocks = "auto", threads: int = 1) -> None:
         self.problem = Problem()
         self._analyses = Analyses(self.problem, solver, threads)
 

@@ -88,6 +88,7 @@ class ComparisonRecord(Record, frozen=True, omit_defaults=False):
         runs: which runs adjusted the epochs.
         obstacles: why there is no verdict: what the tests say means nothing until these are mended.
         reservations: what weakens the verdict.
+        incomplete: numbers of the epochs, from 1, that leave something out or did not converge.
         units: of the summary; what is here is in metres and radians.
     """
 
@@ -106,6 +107,7 @@ class ComparisonRecord(Record, frozen=True, omit_defaults=False):
     obstacles: tuple[str, ...] = ()
     reservations: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
+    incomplete: tuple[int, ...] = ()
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION

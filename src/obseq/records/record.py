@@ -6,7 +6,6 @@ Records with `omit_defaults=False` have all their keys there.
 
 from __future__ import annotations
 
-import json
 from typing import Any, TypeVar
 
 import msgspec
@@ -22,6 +21,8 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True):
 
 def to_plain(record: Record) -> dict[str, Any]:
     """The plain form of what a file of ours holds: its `format` and `version` come first."""
+    import json
+
     plain: dict[str, Any] = json.loads(encoded(record))
     return {key: plain.pop(key) for key in ("format", "version") if key in plain} | plain
 
@@ -50,6 +51,8 @@ def encoded(value: object) -> str:
     try:
         return msgspec.json.encode(value, enc_hook=_number).decode()
     except UnicodeEncodeError:  # the name of a file that is no text
+        import json
+
         return json.dumps(msgspec.to_builtins(value, enc_hook=_number))
 
 

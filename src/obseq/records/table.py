@@ -11,7 +11,6 @@ import msgspec
 from obseq.errors import InputError
 from obseq.packages import require
 from obseq.records.record import Record
-from obseq.spreadsheets import csv_text
 from obseq.writing import write_text
 
 if TYPE_CHECKING:
@@ -81,6 +80,8 @@ class Table(Mapping[str, Cells], Generic[Row]):
 
     def csv(self) -> str:
         """The text of a CSV file with a line of names: metres and radians, at full precision."""
+        from obseq.spreadsheets import csv_text
+
         columns = dict(self)
         return csv_text(
             [list(columns), *zip(*(map(_cell, cells) for cells in columns.values()), strict=True)]

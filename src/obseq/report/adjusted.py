@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
+from obseq.arguments import expecting, instance
 from obseq.printable import listed
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.basis import basis, kinds
-from obseq.report.findings import POOR, sight, spread, weakest
+from obseq.report.content import TABLES, numbers_of, tables
+from obseq.report.findings import POOR, findings, sight, spread, weakest
 from obseq.report.head import (
     WORDS,
     Card,
+    Head,
     Place,
     Section,
     Verdict,
+    about,
     counted,
     gauge,
     joined,
@@ -22,17 +28,46 @@ from obseq.report.head import (
 )
 from obseq.report.named import ellipse_level
 from obseq.report.said import name, small
-from obseq.report.units import significant
+from obseq.report.spared import spared
+from obseq.report.summary import Outcome
+from obseq.report.units import significant, units_of
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from obseq.records.adjustment import AdjustmentRecord, ObservationRecord, PointRecord
+    from obseq.records.adjustment import ObservationRecord, PointRecord
     from obseq.records.quality import StatisticsRecord
     from obseq.report.head import Level
 
 MOST_NAMES = 8
+
+
+@expecting(record=instance(AdjustmentRecord))
+def outcome(record: AdjustmentRecord) -> Outcome:
+    """An adjustment as reports tell it; precisions that suspected errors spoil are not among it."""
+    record = spared(record)
+    rows = numbers_of(record)
+    made = partial(tables, record, rows)
+    return Outcome(head(record, rows), list(rows), units_of(record), tuple(TABLES), made)
+
+
+def head(record: AdjustmentRecord, rows: Mapping[str, int]) -> Head:
+    """What the page of an adjustment begins with, and its sections."""
+    lists = findings(record, rows)
+    return Head(
+        "adjustment",
+        record.title or "Survey network",
+        about("Adjustment", record.run),
+        "" if record.run is None else record.run.identifier,
+        {"length": record.units.length, "angle": record.units.angle},
+        verdict(record),
+        cards(record, rows),
+        lists,
+        sections(record),
+        None if record.reliability is None else record.reliability.critical,
+        lists[0].items[0].to if record.gross_errors else None,
+    )
 
 
 def verdict(record: AdjustmentRecord) -> Verdict:
@@ -45,6 +80,7 @@ def verdict(record: AdjustmentRecord) -> Verdict:
         [
             counted(len(record.points), "point") + (f", {known} known" if known else ""),
             counted(used, "observation") + (f", {off} not used" if off else ""),
+            f"redundancy {record.redundancy}",
             "" if record.planned else _ended(record),
         ]
     )
@@ -52,8 +88,8 @@ def verdict(record: AdjustmentRecord) -> Verdict:
 
 
 def _ended(record: AdjustmentRecord) -> str:
-    state = "converged" if record.converged else "NOT CONVERGED"
-    return f"{state} after {counted(len(record.iterations), 'iteration')}"
+    count = counted(len(record.iterations), "iteration")
+    return count if record.converged else f"NOT CONVERGED after {count}"
 
 
 def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
@@ -139,11 +175,10 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
         return Card("sigma0", value, note="nothing is measured yet" if record.planned else "not tested")
     is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
     tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
-    note = (
-        "spoilt by the suspected errors"
-        if record.gross_errors
-        else f"{100 * (1 - test.level):g} % chi-square interval"
-    )
+    note = f"{100 * (1 - test.level):g} % chi-square interval"
+    if record.gross_errors:
+        rest = record.diagnosis and record.diagnosis.sigma0
+        note = f"{rest:.3g} without the suspected errors" if rest else "spoilt by the suspected errors"
     figure = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
     return Card("sigma0", significant(test.sigma0, 4), "expected 1", tag, figure, note, Place("quality"))
 
@@ -251,9 +286,11 @@ def _facts(record: AdjustmentRecord) -> Iterator[tuple[str, str]]:
     yield "constraints", str(record.n_constraints)
     yield "unknowns", str(record.n_unknowns)
     yield "redundancy", str(record.redundancy)
+    if record.global_test and record.sigma0 is not None:
+        tested, own = significant(record.global_test.sigma0), significant(record.sigma0)
+        if tested != own:
+            yield "sigma0", f"{own}; tested with the residuals of known points: {tested}"
     if record.stop_reason:
         yield "stopped", name(record.stop_reason)
-    yield from (("warning", name(text)) for text in record.warnings)
-    yield from (("note", name(text)) for text in record.notes)
     if record.phases:
         yield "seconds", ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in record.phases)

@@ -4,34 +4,58 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from obseq.arguments import expecting, instance
+from obseq.printable import listed
+from obseq.records.comparison import ComparisonRecord
 from obseq.report.columns import all_rounded
-from obseq.report.comparison import DATUMS, movements
 from obseq.report.content_comparison import displacements
 from obseq.report.head import (
     WORDS,
     Card,
     Finding,
     Findings,
+    Head,
     Level,
     Page,
     Place,
     Section,
     Verdict,
+    about,
     counted,
     gauge,
     joined,
+    page_of,
+    printed,
     strip,
 )
-from obseq.report.page import about, document, printed
+from obseq.report.page import document
 from obseq.report.said import name, small
+from obseq.report.summary import Outcome
+from obseq.report.units import Units
+from obseq.report.writer import Writer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.records.comparison import ComparisonRecord
+    from obseq.report.columns import Table
     from obseq.report.units import Plain
 
+MOST_NAMES = 8
+KNOWN_POINTS = "known points"
+DATUMS = {KNOWN_POINTS: "the known points that have stayed, by what the observations alone say"}
 KNOWN = 1
+
+
+@expecting(record=instance(ComparisonRecord))
+def outcome(record: ComparisonRecord) -> Outcome:
+    """A comparison as reports tell it."""
+    return Outcome(
+        _head(record),
+        printed(row.point for row in record.displacements),
+        Units(record.units),
+        ("displacements",),
+        lambda names: _tables(record) if not names or "displacements" in names else [],
+    )
 
 
 def comparison_page(record: ComparisonRecord) -> str:
@@ -41,20 +65,32 @@ def comparison_page(record: ComparisonRecord) -> str:
 
 def shown(record: ComparisonRecord) -> Page:
     """All that the page of a comparison shows; no displacements where there is no verdict."""
+    names = printed(row.point for row in record.displacements)
+    has_plan = not record.obstacles and names
+    return page_of(_head(record), names, _plan(record) if has_plan else None, _tables(record))
+
+
+def comparison_csv(record: ComparisonRecord) -> str:
+    """The displacements as CSV, as the page writes them; no verdict where there are obstacles."""
+    names = printed(row.point for row in record.displacements)
+    return Writer(names, Units(record.units)).csv(displacements(record))
+
+
+def _tables(record: ComparisonRecord) -> list[Table]:
+    return [displacements(record)] if record.displacements and not record.obstacles else []
+
+
+def _head(record: ComparisonRecord) -> Head:
     rows = {item.point: k for k, item in enumerate(record.displacements)}
-    has_verdict = not record.obstacles
-    return Page(
+    return Head(
         "comparison",
-        f"Two epochs of {counted(len(record.displacements), 'point')}",
+        "Two epochs",
         about("Comparison", record.runs[1]),
         record.runs[1].identifier,
         {"length": record.units.length, "angle": record.units.angle},
         _verdict(record),
-        tuple(_cards(record, rows)) if has_verdict else (),
+        () if record.obstacles else tuple(_cards(record, rows)),
         tuple(part for part in _lists(record, rows) if part.items),
-        printed(rows),
-        _plan(record) if has_verdict and rows else None,
-        [displacements(record)] if has_verdict and rows else [],
         (Section("provenance", "Provenance", facts=tuple(_facts(record)), words=WORDS),),
     )
 
@@ -65,21 +101,44 @@ def _verdict(record: ComparisonRecord) -> Verdict:
             f"{counted(len(record.displacements), 'common point')}",
             f"datum: {DATUMS.get(record.datum, record.datum)}",
             f"level {100 * record.level:g} %",
+            "given sigmas trusted" if record.sigma0 is None else "",
         ]
     )
     if record.obstacles:
         return Verdict("bad", f"No verdict on movements: {name(record.obstacles[0])}.", detail)
-    told = [f"{text[:1].upper()}{text[1:]}." for text in movements(record)]
+    told = [f"{text}." for text in movements(record)]
     if record.moved:
-        told.insert(0, f"Reference points have moved: {', '.join(record.moved)}.")
+        kind = "Known" if record.datum == KNOWN_POINTS else "Reference"
+        told.insert(0, f"{kind} points have moved: {name(listed(record.moved, MOST_NAMES))}.")
     if record.undecided:
-        told.insert(0, f"One or more of {', '.join(record.undecided)} moved, and nothing tells which.")
+        names = name(listed(record.undecided, MOST_NAMES))
+        told.insert(0, f"One or more of {names} moved, and nothing tells which.")
     has_moved = bool(
         record.moved or record.undecided or any(row.is_significant for row in record.displacements)
     )
     if not has_moved and not record.congruence.passed:
         return Verdict("warn", "The points together have moved, and no single one is clear.", detail)
-    return Verdict("warn" if has_moved else "ok", name(" ".join(told)), detail)
+    if record.incomplete:
+        told.append(f"Incomplete: {' and '.join(f'epoch {number}' for number in record.incomplete)}.")
+    is_sound = not has_moved and not record.incomplete
+    return Verdict("ok" if is_sound else "warn", " ".join(told), detail)
+
+
+def movements(record: ComparisonRecord) -> Iterator[str]:
+    """What has moved, all points judged together; and what only its own test tells."""
+    tested = sum(row.overall is not None for row in record.displacements)
+    moved = [row for row in record.displacements if row.is_significant]
+    marginal = [row.point for row in record.displacements if row.is_marginal]
+    if len(moved) == 1:
+        yield f"{name(moved[0].point)} has moved by {small(moved[0].length)}"
+    elif moved:
+        names = listed([row.point for row in moved], MOST_NAMES)
+        yield f"{len(moved)} of {tested} points have moved: {name(names)}"
+    else:
+        yield f"None of {tested} points has moved significantly"
+    if marginal:
+        expected = f"{record.level * tested:.1f} of {tested} are by chance"
+        yield f"Just above the limit of its own test: {name(listed(marginal, MOST_NAMES))} ({expected})"
 
 
 def _cards(record: ComparisonRecord, rows: dict[str, int]) -> Iterator[Card]:
@@ -138,6 +197,10 @@ def _lists(record: ComparisonRecord, rows: dict[str, int]) -> Iterator[Findings]
     )
     yield Findings("Just above the limit of their own test", marginal)
     told = [Finding("warn", "What weakens the verdict", name(text)) for text in record.reservations]
+    test = record.same_precision
+    if test is not None and not test.passed:
+        text = f"Ratio of their variance factors {test.statistic:.3f}, limit {test.limit:.3f}."
+        told.append(Finding("warn", "The epochs differ in precision", text))
     for which, names in (("first", record.only_first), ("second", record.only_second)):
         if names:
             told.append(Finding("info", f"Only in the {which} epoch", name(", ".join(names))))

@@ -17,6 +17,7 @@ def displacements(record: ComparisonRecord) -> Table:
     columns = [
         column("point", "point", range(len(found))),
         *([] if record.obstacles else [choice("verdict", [_word(record, k) for k in range(len(found))])]),
+        *(field(axis, "length", found, axis, rare=True) for axis in "xyz"),
         *(field(axis, "small_length", found, axis, by_size=True) for axis in ("east", "north", "up")),
         *(field(f"s {axis}", "small_length", found, f"s_{axis}") for axis in ("east", "north", "up")),
         field("length", "small_length", found, "length"),

@@ -8,15 +8,15 @@ from obseq.printable import printable_line
 from obseq.report.columns import choice, column, field, table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Collection, Mapping
 
     from obseq.records.plan import PlanRecord
     from obseq.report.columns import Table
 
 
-def plan_tables(record: PlanRecord, rows: Mapping[str, int]) -> list[Table]:
-    """Weakest points, weakly checked observations, gains."""
-    made = (_points(record, rows), _observations(record), _gains(record, rows))
+def plan_tables(record: PlanRecord, rows: Mapping[str, int], names: Collection[str] = ()) -> list[Table]:
+    """Weakest points, weakly checked observations, gains; or those of some names."""
+    made = (of(record, rows) for name, of in PLAN_TABLES.items() if not names or name in names)
     return [item for item in made if item]
 
 
@@ -34,7 +34,7 @@ def _points(record: PlanRecord, rows: Mapping[str, int]) -> Table | None:
     return table("weakest", "Weakest points", columns, about=about)
 
 
-def _observations(record: PlanRecord) -> Table | None:
+def _observations(record: PlanRecord, _: Mapping[str, int]) -> Table | None:
     found = record.weakest_observations
     if not found:
         return None
@@ -70,3 +70,11 @@ def _gains(record: PlanRecord, rows: Mapping[str, int]) -> Table | None:
         "square of the standard deviations of all coordinates. Point: the one that gains most, in space."
     )
     return table("gains", "Gains", columns, about=about, angular=[int(item.unit == "rad") for item in found])
+
+
+PLAN_TABLES: dict[str, Callable[[PlanRecord, Mapping[str, int]], Table | None]] = {
+    "weakest": _points,
+    "weak": _observations,
+    "gains": _gains,
+}
+"""The tables by name, in the order of the page."""

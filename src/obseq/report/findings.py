@@ -8,6 +8,7 @@ from obseq.printable import listed
 from obseq.report.head import Finding, Findings, Place, counted
 from obseq.report.named import ellipse_level, short_names, unit_of
 from obseq.report.said import length, name, observed, small
+from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 POOR = 0.1
 """Redundancy below which an observation is hardly checked: most of an error goes into the result."""
 MOST_BEYOND = 3
-MOST_TOLD = 20
 MOST_NAMES = 8
 
 
@@ -45,9 +45,13 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
     accused = tuple(_accused(record, item) for item in record.gross_errors)
     others = (
         *_undecided(record),
+        *_sigma0(record),
         *_types(record),
+        *_snooped(record),
         *_lost(record),
+        *_vectors(record),
         *_beyond(record),
+        *_remarks(record),
         *_weak(record),
         *_worst(record, rows),
         *_replaced(record),
@@ -91,17 +95,71 @@ def _undecided(record: AdjustmentRecord) -> Iterator[Finding]:
         )
 
 
+def _sigma0(record: AdjustmentRecord) -> Iterator[Finding]:
+    """What sigma0 says where it is not as expected."""
+    test, text = record.global_test, Test(record).explanation
+    if test is not None and text:
+        size = "large" if test.sigma0 > test.upper else "small"
+        yield Finding("warn", f"sigma0 is too {size}", name(text), f"{test.sigma0:.3g}")
+
+
+def _snooped(record: AdjustmentRecord) -> Iterator[Finding]:
+    """What data snooping left out, why it ended, and what that changed."""
+    snooping = record.snooping
+    if snooping is None:
+        return
+    moved = ""
+    if snooping.moved is not None and snooping.most_moved:
+        moved = f" This moved {name(snooping.most_moved)} most, by {small(snooping.moved)}."
+    left = f"{len(snooping.rejections)} left out; {name(snooping.end)}."
+    level = f"overall level {100 * snooping.level:g} %"
+    yield Finding("info", f"Data snooping with {snooping.statistic}, {level}", left + moved)
+    for item in snooping.rejections:
+        row = record.observations[item.row]
+        test = f"{snooping.statistic} {item.statistic:.2f}"
+        if item.degrees > 1:
+            test = f"T of its vector {item.statistic:.2f}, limit {item.critical or 0.0:.2f}"
+        least = "" if item.detectable is None else f", detectable from {small(item.detectable, unit_of(row))}"
+        whole = " Its whole vector is left out." if item.companions else ""
+        text = f"Left out: off by about {small(item.blunder, unit_of(row))}{least}.{whole}"
+        to = Place("observations", row=item.row)
+        yield Finding("warn", name(item.observation), text, test, to=to)
+    if snooping.suspects:
+        names = listed(snooping.suspects, MOST_NAMES)
+        yield Finding("warn", "Not left out, but suspected", f"{name(names)}.")
+
+
+def _vectors(record: AdjustmentRecord) -> Iterator[Finding]:
+    """The vectors and positions whose test as a whole fails, the worst first."""
+    beyond = [item for item in record.joint if item.is_beyond]
+    beyond.sort(key=lambda item: -item.statistic / item.critical)
+    for item in () if record.gross_errors else beyond[:MOST_BEYOND]:
+        limit = f"limit {item.critical:.2f} with {item.degrees} degrees of freedom"
+        share = f"{len(beyond)} of {len(record.joint)} are"
+        text = f"As a whole it is off: T {item.statistic:.1f}, {limit}; {share}."
+        to = Place("observations", row=item.rows[0]) if item.rows else None
+        yield Finding("warn", name(item.name), text, f"T {item.statistic:.1f}", to=to)
+
+
+def _remarks(record: AdjustmentRecord) -> Iterator[Finding]:
+    """Effects that many observations show together, which are no errors."""
+    for item in () if record.diagnosis is None else record.diagnosis.remarks:
+        yield Finding(
+            "info", name(item.what), name(f"{item.text}. No error: it is not beyond a sigma of each.")
+        )
+
+
 def _types(record: AdjustmentRecord) -> Iterator[Finding]:
     for row in Test(record).types_beyond:
-        factor = row.sigma_factor or 0.0
+        factor = max(row.sigma_factor or 0.0, LEAST)
         expected = f"{row.lower:.2f} to {row.upper:.2f} is expected"
-        text = f"Residuals of {row.count} are {factor:.2f} of what their sigmas announce; {expected}."
+        text = f"Residuals of {row.count} are {factor:.3g} of what their sigmas announce; {expected}."
         step = f"multiply these sigmas by {factor:.2g}, or let them be estimated:"
         yield Finding(
             "warn",
             f"Sigmas of {name(row.name)}",
             text,
-            f"\u00d7 {factor:.2f}",
+            f"\u00d7 {factor:.3g}",
             "",
             step,
             "--variance-components",
@@ -112,17 +170,17 @@ def _lost(record: AdjustmentRecord) -> Iterator[Finding]:
     reasons: dict[str, list[str]] = {}
     for item in record.left_out:
         reasons.setdefault(item.reason, []).append(item.what)
-    for reason, names in list(reasons.items())[:MOST_TOLD]:
+    for reason, names in reasons.items():
         title = f"{names[0]} is left out" if len(names) == 1 else f"{len(names)} points left out"
         text = reason if len(names) == 1 else f"{listed(names, MOST_NAMES)}: {reason}"
         yield Finding("warn", name(title), name(text), step="one more observation to each.")
-    for unused in record.unused[:MOST_TOLD]:
+    for unused in record.unused:
         yield Finding(
             "warn",
             "Observations without part",
             name(f"Because {unused.reason}: {listed(unused.observations, MOST_NAMES)}."),
         )
-    for doubtful in record.doubtful[:MOST_TOLD]:
+    for doubtful in record.doubtful:
         sight_ = f"its nearest sight is {length(doubtful.sight)} long"
         text = f"Its {doubtful.axis} is known to {small(doubtful.sigma)} only; {sight_}."
         yield Finding("warn", name(f"{doubtful.name} is doubtful"), text)
@@ -212,7 +270,7 @@ def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
 
 
 def _said(record: AdjustmentRecord) -> Iterator[Finding]:
-    for text in record.warnings[:MOST_TOLD]:
+    for text in record.warnings:
         yield Finding("warn", "Warning", name(text))
-    for text in record.notes[:MOST_TOLD]:
+    for text in record.notes:
         yield Finding("info", "Note", name(text))

@@ -36,9 +36,10 @@ def _page(record: AdjustmentRecord) -> str:
 
 
 def _listing(record: AdjustmentRecord) -> str:
-    from obseq.report.listing import listing
+    from obseq.report.adjusted import outcome
+    from obseq.report.summary import listing
 
-    return listing(record)
+    return listing(outcome(record))
 
 
 FORMATS = (

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from obseq.printable import printable_line
 from obseq.records.record import Record
 from obseq.report.units import Plain  # noqa: TC001  # fields are read at run time
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from obseq.records.adjustment import RunRecord
+
 Level = Literal["bad", "warn", "ok", "info"]
 MOST_TICKS = 150
 BINS = 10
+MOST_FINDINGS = 100
+"""Findings of a list that a page shows; it is no longer read beyond."""
 
 
 class Verdict(Record, frozen=True, omit_defaults=False):
     """What the reader may do with the result, in one sentence.
 
     Attributes:
-        level: "ok" where the command ends with 0.
+        level: "ok" only where the command ends with 0, "bad" only where it ends with 1.
         text: The sentence.
         detail: How much of what there is.
     """
@@ -120,8 +125,8 @@ class Section(Record, frozen=True):
     note: str = ""
 
 
-class Page(Record, frozen=True, omit_defaults=False):
-    """All that a page shows.
+class Head(Record, frozen=True, omit_defaults=False):
+    """What a page begins with, and its sections: all that a terminal is told as well.
 
     Attributes:
         kind: "adjustment", "plan", "comparison" or "block".
@@ -129,16 +134,12 @@ class Page(Record, frozen=True, omit_defaults=False):
         about: What it is, and when it was made.
         run: Identifier of the run.
         units: Of lengths and angles, to begin with.
-        limit: Of standardised residuals.
         verdict: In one sentence.
         cards: At most five.
         lists: Findings, the worst first.
-        names: Of points.
-        plan: See `report.plan`.
-        tables: See `report.columns`.
         sections: What else there is.
+        limit: Of standardised residuals.
         first: What is selected when the page opens.
-        scales: How quantities are shown, see `report.units`.
     """
 
     kind: str
@@ -149,13 +150,40 @@ class Page(Record, frozen=True, omit_defaults=False):
     verdict: Verdict
     cards: tuple[Card, ...]
     lists: tuple[Findings, ...]
-    names: list[str]
-    plan: Plain | None
-    tables: list[Plain]
     sections: tuple[Section, ...]
     limit: float | None = None
     first: Place | None = None
+
+
+class Page(Head, frozen=True, omit_defaults=False, kw_only=True):
+    """All that a page shows.
+
+    Attributes:
+        names: Of points.
+        plan: See `report.plan`.
+        tables: See `report.columns`.
+        scales: How quantities are shown, see `report.units`.
+    """
+
+    names: list[str]
+    plan: Plain | None
+    tables: list[Plain]
     scales: Plain | None = None
+
+
+def page_of(head: Head, names: list[str], plan: Plain | None, tables: list[Plain]) -> Page:
+    """The page that begins so; of very long lists of findings its begin, which it says."""
+    whole = {field: getattr(head, field) for field in head.__struct_fields__}
+    whole["lists"] = tuple(_cut(part) for part in head.lists)
+    return Page(**whole, names=names, plan=plan, tables=tables)
+
+
+def _cut(part: Findings) -> Findings:
+    more = len(part.items) - MOST_FINDINGS
+    if more <= 0:
+        return part
+    rest = Finding("info", f"And {more} more", "The listing and the result file have them.")
+    return Findings(part.title, (*part.items[:MOST_FINDINGS], rest))
 
 
 def gauge(value: float, lower: float, upper: float, level: str) -> Plain:
@@ -194,6 +222,16 @@ def counted(number: int, what: str, many: str | None = None) -> str:
 def joined(parts: Sequence[str]) -> str:
     """What there is, in a line."""
     return " \u00b7 ".join(part for part in parts if part)
+
+
+def about(what: str, run: RunRecord | None) -> str:
+    """What a page shows, and when that was made."""
+    return what if run is None else f"{what} \u00b7 {run.created[:16].replace('T', ' ')} UTC"
+
+
+def printed(names: Iterable[str]) -> list[str]:
+    """Names of points as a page shows them."""
+    return [printable_line(name) for name in names]
 
 
 WORDS = (

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.report.basis import how_it_ended, kinds
+from obseq.report.adjusted import outcome
 from obseq.report.content import numbers_of, tables
 from obseq.report.figure import figure
 from obseq.report.html import escaped
 from obseq.report.plan import plan, plan_of_points
-from obseq.report.quality import single_tests, suspects
 from obseq.report.spared import spared
-from obseq.report.summary import gross_errors, left_out, tested
-from obseq.report.units import significant, units_of
-from obseq.report.verdict import Verdict
+from obseq.report.summary import brief
+from obseq.report.units import units_of
 from obseq.report.writer import Writer, worst
 
 if TYPE_CHECKING:
@@ -62,7 +60,7 @@ def network_figure(record: AdjustmentRecord) -> str:
 
 def adjustment_text(record: AdjustmentRecord) -> str:
     """The outcome in a few lines, for a terminal."""
-    first, *others = (text for text, _ in _told(record))
+    first, *others = (text for text, _ in brief(outcome(record)))
     return "\n".join([f"Adjustment: {first}", *(f"  {text}" for text in others)])
 
 
@@ -79,20 +77,7 @@ def _framed(parts: Iterable[str]) -> str:
 
 
 def _outcome(record: AdjustmentRecord) -> list[str]:
-    return [f'<p class="{"bad" if is_bad else ""}">{escaped(text)}</p>' for text, is_bad in _told(record)]
-
-
-def _told(record: AdjustmentRecord) -> list[tuple[str, bool]]:
-    """The outcome sentence by sentence, and whether each is bad news."""
-    verdict = Verdict(record)
-    return [
-        (f"{len(record.points)} points, {how_it_ended(record)}", not record.is_complete),
-        *((line.strip(), True) for line in (*gross_errors(record, 5), *left_out(record))),
-        (f"{record.n_observations} observations ({kinds(record)}), redundancy {record.redundancy}", False),
-        (f"sigma0 {significant(record.sigma0)}; {tested(record)}", not verdict.is_accepted),
-        (verdict.explanation, False),
-        *((line, bool(suspects(record))) for line in single_tests(record)),
-    ]
+    return [f'<p class="{level}">{escaped(text)}</p>' for text, level in brief(outcome(record))]
 
 
 def _table(title: str, printed: Iterable[Printed]) -> str:

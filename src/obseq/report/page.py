@@ -10,21 +10,19 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from obseq.arguments import expecting, instance
-from obseq.printable import printable_line
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.record import encoded
-from obseq.report import adjusted, findings, spared
+from obseq.report.adjusted import head
 from obseq.report.content import numbers_of, tables
-from obseq.report.head import Page, Place
+from obseq.report.findings import POOR
+from obseq.report.head import Page, Place, page_of, printed
 from obseq.report.html import escaped
 from obseq.report.packed import packed, squeezed
 from obseq.report.plan import plan
+from obseq.report.spared import spared
 from obseq.report.units import scales
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from obseq.records.adjustment import RunRecord
     from obseq.report.units import Plain
 
 MOST_OBSERVATIONS = 20_000
@@ -52,29 +50,13 @@ def page(record: AdjustmentRecord) -> str:
 
 def adjustment_page(given: AdjustmentRecord) -> Page:
     """All that the page of an adjustment shows; precisions that suspected errors spoil are not among it."""
-    record = spared.spared(given)
+    record = spared(given)
     rows = numbers_of(record)
     made = tables(record, rows)
     kept = _worst(record)
     if kept is not None:
         made = [_cut(table, kept) if table["id"] == "observations" else table for table in made]
-    lists = findings.findings(record, rows)
-    shown = Page(
-        "adjustment",
-        record.title or f"Network of {len(record.points)} points",
-        about("Adjustment", record.run),
-        "" if record.run is None else record.run.identifier,
-        {"length": record.units.length, "angle": record.units.angle},
-        adjusted.verdict(record),
-        adjusted.cards(record, rows),
-        lists,
-        printed(rows),
-        plan(record, rows) if record.points else None,
-        made,
-        adjusted.sections(record),
-        None if record.reliability is None else record.reliability.critical,
-        lists[0].items[0].to if record.gross_errors else None,
-    )
+    shown = page_of(head(record, rows), printed(rows), plan(record, rows) if record.points else None, made)
     return shown if kept is None else _moved(shown, {row: k for k, row in enumerate(kept)})
 
 
@@ -84,7 +66,7 @@ def _worst(record: AdjustmentRecord) -> list[int] | None:
     if len(found) <= MOST_OBSERVATIONS:
         return None
     accused = {place.row for item in record.gross_errors for place in item.observations}
-    weak = {k for k, row in enumerate(found) if row.redundancy is not None and row.redundancy < findings.POOR}
+    weak = {k for k, row in enumerate(found) if row.redundancy is not None and row.redundancy < POOR}
     size = [abs(row.standardised_residual or row.normalised_residual or 0.0) for row in found]
     order = sorted(range(len(found)), key=lambda k: (k not in accused, -size[k]))
     poor = sorted(weak)[: MOST_OBSERVATIONS // 2]
@@ -114,16 +96,6 @@ def _moved(shown: Page, places: dict[int, int]) -> Page:
         for part in shown.lists
     )
     return structs.replace(shown, cards=cards, lists=lists, first=of(shown.first))
-
-
-def about(what: str, run: RunRecord | None) -> str:
-    """What a page shows, and when that was made."""
-    return what if run is None else f"{what} \u00b7 {run.created[:16].replace('T', ' ')} UTC"
-
-
-def printed(names: Iterable[str]) -> list[str]:
-    """Names of points as a page shows them."""
-    return [printable_line(name) for name in names]
 
 
 def document(shown: Page) -> str:

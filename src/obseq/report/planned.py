@@ -2,24 +2,54 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from msgspec import structs
-
+from obseq.arguments import expecting, instance
+from obseq.records.plan import PlanRecord
 from obseq.report import adjusted, findings
-from obseq.report.content_plan import plan_tables
-from obseq.report.head import Card, Finding, Findings, Page, Place, Verdict, counted, share, strip
+from obseq.report.content import TABLES, numbers_of
+from obseq.report.content_plan import PLAN_TABLES, plan_tables
+from obseq.report.head import (
+    Card,
+    Finding,
+    Findings,
+    Head,
+    Page,
+    Place,
+    Verdict,
+    counted,
+    page_of,
+    share,
+    strip,
+)
 from obseq.report.named import short_names
 from obseq.report.page import adjustment_page, document
-from obseq.report.planning import DATUM_STEP, draws_told, is_known, limited
 from obseq.report.said import bearing, name, small
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
-    from obseq.records.plan import PlanRecord
+    from obseq.records.plan import DrawsRecord
+    from obseq.report.columns import Table
+    from obseq.report.summary import Outcome
 
 MOST = 3
+DATUM = 0.5
+"""Share of the variance of a point below which sights do not limit it: most comes from the datum."""
+
+
+@expecting(record=instance(PlanRecord))
+def outcome(record: PlanRecord) -> Outcome:
+    """A plan as reports tell it."""
+    base = adjusted.outcome(record.adjustment)
+    rows = numbers_of(record.adjustment)
+
+    def made(names: Collection[str]) -> list[Table]:
+        return [*plan_tables(record, rows, names), *base.tables(names or TABLES)]
+
+    return replace(base, head=_head(record, base.head), known=(*PLAN_TABLES, *base.known), tables=made)
 
 
 def plan_page(record: PlanRecord) -> str:
@@ -30,24 +60,32 @@ def plan_page(record: PlanRecord) -> str:
 def shown(record: PlanRecord) -> Page:
     """All that the page of a plan shows."""
     base = adjustment_page(record.adjustment)
-    rows = {point.name: k for k, point in enumerate(record.adjustment.points)}
+    more = plan_tables(record, numbers_of(record.adjustment))
+    return page_of(_head(record, base), base.names, base.plan, [*base.tables[:1], *more, *base.tables[1:]])
+
+
+def _head(record: PlanRecord, base: Head) -> Head:
+    """What the page of the planned adjustment begins with, and what the plan has beside it."""
+    rows = numbers_of(record.adjustment)
     kept = tuple(card for card in base.cards if card.label in ("redundancy", "unchecked"))
-    return structs.replace(
-        base,
-        kind="plan",
-        title=record.adjustment.title or f"Plan of {len(record.adjustment.points)} points",
-        about=base.about.replace("Adjustment", "Plan", 1),
-        verdict=_verdict(record),
-        cards=(*_weakest(record, rows), *kept, *_best(record), *_drawn(record)),
-        lists=tuple(
-            part
-            for part in (Findings("Look at first", tuple(_findings(record, rows))), *base.lists[-1:])
-            if part.items
-        ),
-        tables=[*base.tables[:1], *plan_tables(record, rows), *base.tables[1:]],
-        limit=None,
-        first=None,
+    found = Findings("Look at first", tuple(_findings(record, rows)))
+    return Head(
+        "plan",
+        record.adjustment.title or "Plan",
+        base.about.replace("Adjustment", "Plan", 1),
+        base.run,
+        base.units,
+        _verdict(record),
+        (*_weakest(record, rows), *kept, *_best(record), *_drawn(record)),
+        tuple(part for part in (found, *(_others(part) for part in base.lists[-1:])) if part.items),
+        base.sections,
     )
+
+
+def _others(part: Findings) -> Findings:
+    """What is worth knowing of the planned adjustment, without what the plan says of its own."""
+    own = ("weakly checked", "weakest point")
+    return Findings("Worth knowing", tuple(item for item in part.items if not item.title.endswith(own)))
 
 
 def _verdict(record: PlanRecord) -> Verdict:
@@ -58,6 +96,8 @@ def _verdict(record: PlanRecord) -> Verdict:
         return Verdict("warn", f"The plan does not determine {what}.", detail)
     if is_known(record):
         return Verdict("warn", "Every point is known already: the plan determines nothing.", detail)
+    if record.draws is not None and not record.draws.agrees:
+        return Verdict("bad", "Adjustments of drawn errors do not agree with the prediction.", detail)
     worst = record.weakest_points[0].sigma if record.weakest_points else None
     text = (
         "Every point will be determined"
@@ -108,7 +148,7 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
     if (found := limited(record)) and not is_known(record):
         point, full, alone = found
         text = f"{name(point)} is known to {small(full)} in space; the sights alone leave {small(alone)}."
-        step = DATUM_STEP.removeprefix("Next: ")
+        step = "known points that are better, or that lie around it; more sights bring little."
         yield Finding("warn", "The datum limits the precision", text, step=step, to=Place(point=rows[point]))
     for weak in record.weakest_points[:MOST]:
         size = small(weak.sigma)
@@ -157,5 +197,40 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
             text,
             to=Place(point=rows[gain.point]),
         )
-    for line in draws_told(record.draws):
-        yield Finding("info", "Draws", name(line))
+    yield from _of_draws(record.draws)
+
+
+def _of_draws(draws: DrawsRecord | None) -> Iterator[Finding]:
+    """What adjustments of drawn observations say of the prediction."""
+    if draws is None:
+        return
+    verdict = "agree with the prediction" if draws.agrees else "DO NOT AGREE with the prediction"
+    ratio = f"Squared errors are {draws.ratio:.4f} of the predicted ones, 1 is expected"
+    chance = f"{draws.worst_ratio:.4f}, by chance {draws.p_value:.3g} among all points"
+    sigma0 = "" if draws.sigma0 is None else f" sigma0 is {draws.sigma0:.4f}, 1 is expected."
+    failed = f" {draws.failed} did not converge and do not count." if draws.failed else ""
+    yield Finding(
+        "info" if draws.agrees else "bad",
+        f"{draws.draws} adjustments of drawn observations {verdict}",
+        f"{ratio}; worst point {name(draws.worst_point)}: {chance}.{sigma0}{failed}",
+    )
+
+
+def limited(record: PlanRecord) -> tuple[str, float, float] | None:
+    """The weakest point that the datum and not the sights limits: name, precision, that of the sights alone.
+
+    Precisions with inner constraints are those of the sights. The datum limits a point where more than half
+    of its variance is not theirs; None where it does not limit the weakest one.
+    """
+    names = {item.point for item in record.weakest_points[:1]}
+    for point in record.adjustment.points:
+        if point.name in names and point.inner:
+            whole = math.hypot(*(value or 0.0 for value in (point.sx, point.sy, point.sz)))
+            own = math.hypot(*point.inner)
+            return (point.name, whole, own) if own**2 < DATUM * whole**2 else None
+    return None
+
+
+def is_known(record: PlanRecord) -> bool:
+    """Whether every point is known already, so that the plan determines nothing."""
+    return all((point.known or "").lower() == "xyz" for point in record.adjustment.points)

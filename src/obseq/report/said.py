@@ -6,6 +6,7 @@ A number stands in a sentence as `{{kind|value|digits}}`, in metres or radians. 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
@@ -49,7 +50,13 @@ def plain(text: str, units: Units) -> str:
         "angle": units.angle,
         "small_angle": units.small_angle,
     }
-    return _PLACE.sub(lambda found: scales[found[1]].text(float(found[2])), text)
+
+    def shown(found: re.Match[str]) -> str:
+        scale = scales[found[1]]
+        scale = replace(scale, decimals=int(found[3])) if found[3] else scale
+        return scale.text(float(found[2]))
+
+    return _PLACE.sub(shown, text)
 
 
 def _number(kind: str, value: float, digits: int | None) -> str:

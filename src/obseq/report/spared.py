@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, PointRecord, RelativeRecord
 
-GIVEN = "from the given sigmas, as the suspected errors spoil sigma0"
+GIVEN = "from the given sigmas"
 
 
 def spared(record: AdjustmentRecord) -> AdjustmentRecord:

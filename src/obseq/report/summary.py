@@ -1,248 +1,288 @@
-"""The summary on the terminal: whether the result may be used, what is wrong, how good it is."""
+"""What a terminal and a listing tell of a result: what its page begins with, in lines; and its tables."""
+
+from __future__ import annotations
 
 import textwrap
 import time
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from heapq import nlargest
+from itertools import groupby
+from operator import attrgetter
+from typing import TYPE_CHECKING
 
-from msgspec import structs
-
-from obseq.arguments import TEXT, TEXTS, WORDS, expecting, instance
+from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.printable import listed, printable
-from obseq.records.adjustment import AdjustmentRecord
-from obseq.report import units
-from obseq.report.adjusted import cards, verdict
-from obseq.report.content import numbers_of, tables
-from obseq.report.quality import single_tests, snooping_lines
+from obseq.printable import printable
 from obseq.report.said import plain
-from obseq.report.spared import spared
-from obseq.report.verdict import Verdict
-from obseq.report.writer import Writer, worst
+from obseq.report.units import significant
+from obseq.report.writer import Writer, ordered, worst, wrapped
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+
+    from obseq.report.columns import Table
+    from obseq.report.head import Card, Finding, Head
+    from obseq.report.units import Units
+
+LINES = 30
+"""Lines of a summary, whatever the size of what was adjusted."""
 WIDTH = 100
-MOST_POINTS = 8
-MOST_NOTES = 2
-SHOWN = ("points", "observations", "known")
-"""Tables that a summary may have."""
-SIGNS = {"\u2192": "->", "\u03c3": "sigmas", " \u00b7 ": "; ", "\u00d7": "x", "\u2013": "-"}
-TERSE = (
-    "type", "from", "to", "file", "line", "observed", "sigma", "residual", "w", "redundancy", "point",
-    "coordinate", "given", "normalised", "vector", "T", "limit", "T / limit", "off by",
-)  # fmt: skip
-"""Columns of the worst rows."""
-MOST_ERRORS = 5
-MOST_ITERATIONS = 9
-MOST_WARNINGS = 3
-MOST_UNUSED = 3
+BRIEF = 3
+"""Lines of a finding, where not all is asked for."""
 WORST = 5
-NOTABLE = 2.0
-"""Normalised residual beyond which the summary shows a known coordinate."""
+"""Rows of each table with -v."""
+MOST_ITERATIONS = 9
+RESIDUALS = ("observations", "measures", "displacements")
+"""Tables that `residuals` stands for."""
+SIGNS = {"\u2192": "->", "\u03c3": "sigmas", " \u00b7 ": "; ", "\u00d7": "x", "\u2013": "-"}
+RANK = {"bad": 0, "warn": 1, "info": 2, "ok": 3}
+"""Which findings are told first where not all can be."""
+NOTHING = "nothing (--out and the options of each format write results)"
+
+Line = tuple[str, str]
+"""A line and its level: "bad", "warn", "ok", or "" for one that judges nothing."""
 
 
-@expecting(record=instance(AdjustmentRecord), written=TEXTS, detail=TEXT, shown=WORDS)
+@dataclass(frozen=True)
+class Outcome:
+    """A result of any kind, as reports tell it.
+
+    Attributes:
+        head: What its page begins with.
+        names: Of points, by the numbers that tables hold.
+        units: Of lengths and angles.
+        known: Names of all tables that results of its kind may have.
+        tables: Makes those of some names, all without any.
+    """
+
+    head: Head
+    names: Sequence[str]
+    units: Units
+    known: tuple[str, ...]
+    tables: Callable[[Collection[str]], list[Table]]
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How much is told.
+
+    Attributes:
+        amount: "quiet": the verdict alone; "usual": thirty lines; "verbose": all findings, facts, times.
+        shown: Tables that are told as well.
+        lines: How many lines are usual.
+    """
+
+    amount: str = "usual"
+    shown: tuple[str, ...] = ()
+    lines: int = LINES
+
+
+USUAL = Detail()
+QUIET = Detail("quiet")
+VERBOSE = Detail("verbose")
+
+
 def summary(
-    record: AdjustmentRecord,
-    written: Sequence[str] = (),
-    detail: str = "usual",
-    shown: Collection[str] = (),
+    outcome: Outcome,
+    written: Sequence[str] | None = None,
+    detail: Detail = USUAL,
+    seconds: Mapping[str, float] | None = None,
 ) -> str:
-    """The summary of an adjustment, at most thirty lines whatever the size of the network.
+    """The lines of `told` as text."""
+    return "".join(f"{line}\n" for line, _ in told(outcome, written, detail, seconds))
+
+
+def told(
+    outcome: Outcome,
+    written: Sequence[str] | None = None,
+    detail: Detail = USUAL,
+    seconds: Mapping[str, float] | None = None,
+) -> Iterator[Line]:
+    """What is told of a result, at most thirty lines whatever its size unless more is asked for.
 
     Args:
-        record: The adjustment.
-        written: Names of the files where the results were written.
-        detail: "quiet": the verdict alone; "verbose": iterations, the worst residuals, all notes, seconds.
-        shown: Tables to print as well, of `SHOWN`.
+        outcome: The result.
+        written: Names of the files where it was written; None: nothing is said of files.
+        detail: How much is told.
+        seconds: Time of each part of the work, told with "verbose".
+
+    Raises:
+        InputError: No table is called as one that is to be shown.
     """
-    if detail == "quiet":
-        return printable(f"{verdict(record).text}\n{_files(written)}\n")
-    begun, given = time.perf_counter(), spared(record)
-    is_long = detail == "verbose"
-    sections: list[Iterable[str]] = [_head(record), gross_errors(record, MOST_ERRORS), left_out(record)]
-    sections += [_cards(given), _why(record), _joint(record), snooping_lines(record)]
+    head, is_long, start = outcome.head, detail.amount == "verbose", time.perf_counter()
+    files = [] if written is None else [(f"Written: {', '.join(written) or NOTHING}", "")]
+    if detail.amount == "quiet":
+        yield _text(outcome, head.verdict.text), head.verdict.level
+        yield from files if written else ()
+        return
+    verdict = _wrapped(outcome, head.verdict.text, head.verdict.level)
+    begin = [*_wrapped(outcome, f"{head.title}: {head.verdict.detail}"), *verdict]
+    cards = list(_cards(outcome))
+    room = None if is_long else detail.lines - len(begin) - len(cards) - len(files) - 1
+    accused, others = _findings(outcome, room)
+    yield from (*begin, *accused, *cards, *others)
     if is_long:
-        sections += [_iterations(record), _worst(given), _known(given)]
-    sections += [_table(given, name) for name in shown]
-    sections += [warnings(record, len(record.warnings) if is_long else MOST_WARNINGS)]
-    sections += [_notes(record, len(record.notes) if is_long else MOST_NOTES)]
-    lines = [line for section in sections for line in section]
-    lines += [*(_seconds(record, time.perf_counter() - begun) if is_long else ()), _files(written)]
-    return printable("\n".join(lines) + "\n")
+        yield from _facts(outcome, () if not seconds else ("seconds",))
+        yield from _worst(outcome)
+    for name in detail.shown:
+        yield from _table(outcome, name)
+    if is_long and seconds:
+        seconds = {**seconds, "summary": seconds.get("summary", 0.0) + time.perf_counter() - start}
+        parts = ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())
+        yield f"Seconds: {parts}; {sum(seconds.values()):.2f} in all", ""
+    yield from files
 
 
-def _head(record: AdjustmentRecord) -> Iterator[str]:
-    told = verdict(record)
-    title = f"{record.title}: " if record.title else ""
-    yield f"{title}{in_text(told.detail)}; redundancy {record.redundancy}"
-    yield told.text
+def listing(outcome: Outcome) -> str:
+    """All that a page has, as text: every finding, fact and table."""
+    given = Outcome(outcome.head, outcome.names, outcome.units, (), lambda _: [])
+    lines = wrapped(line for line, _ in told(given, detail=VERBOSE))
+    writer = Writer(outcome.names, outcome.units)
+    tables = ("\n".join(writer.lines(table)) for table in outcome.tables(()))
+    return printable("\n\n".join(["\n".join(lines), *tables]) + "\n")
 
 
-def in_text(sentence: str) -> str:
-    """A sentence of the page in letters that every terminal has."""
-    for sign, letters in SIGNS.items():
-        sentence = sentence.replace(sign, letters)
-    return sentence
-
-
-def _cards(record: AdjustmentRecord) -> Iterator[str]:
-    """Figures beside what they are compared with."""
-    shown = units.units_of(record)
-    rows = []
-    for card in cards(record, numbers_of(record)):
-        tag = "" if card.tag is None else card.tag[1]
-        limits = ""
-        if card.figure and card.figure["kind"] == "gauge":
-            limits = f"{card.figure['lower']:.2f} to {card.figure['upper']:.2f}"
-        expected = f"expected {limits}" if limits else card.unit
-        parts = (card.label, card.value, expected, tag, card.note)
-        rows.append([in_text(plain(part, shown)) for part in parts])
-    widths = [max(len(row[k]) for row in rows) for k in range(4)] if rows else []
-    for label, value, expected, tag, note in rows:
-        first = f"  {label:<{widths[0]}}  {value:>{widths[1]}}"
-        yield f"{first}  {expected:<{widths[2]}}  {tag:<{widths[3]}}  {note}".rstrip()
-
-
-def _why(record: AdjustmentRecord) -> Iterator[str]:
-    """What the test of sigma0 means, where it does not pass and nothing is accused."""
-    found = Verdict(record)
-    if record.planned or found.spoilt or (found.test is not None and found.is_accepted):
-        return
-    yield from textwrap.wrap(found.explanation, WIDTH, initial_indent="  ", subsequent_indent="  ")
-
-
-def _joint(record: AdjustmentRecord) -> Iterator[str]:
-    """The tests of vectors and positions, where some fail."""
-    if any(item.is_beyond for item in record.joint):
-        yield from (f"  {line}" for line in single_tests(record))
-
-
-def _iterations(record: AdjustmentRecord) -> Iterator[str]:
-    values = [units.significant(row.sigma0) for row in record.iterations]
-    if len(values) > MOST_ITERATIONS:
-        half = MOST_ITERATIONS // 2
-        values = [*values[:half], "...", *values[-half:]]
-    yield f"  sigma0 at the start of each iteration  {'  '.join(values)}"
-    yield f"  sigma0 of the solution                 {units.significant(record.sigma0)}"
-    yield f"  {tested(record)}"
-
-
-def _table(record: AdjustmentRecord, name: str) -> Iterator[str]:
-    """A table that is asked for, the worst first."""
-    if name not in SHOWN:
-        raise InputError(f"there is no table {name!r} to show; there are {', '.join(SHOWN)}")
-    yield ""
-    yield from _lines(record, name, by={"observations": "w", "known": "normalised"}.get(name))
-    yield ""
-
-
-def _lines(
-    record: AdjustmentRecord, name: str, by: str | None = None, most: int | None = None
-) -> Iterator[str]:
-    """The first rows of a table, those of the largest values of a column first."""
-    numbers = numbers_of(record)
-    writer = Writer(list(numbers), units.units_of(record))
-    for table in tables(record, numbers, [name]):
-        rows = range(len(table["columns"][0]["values"])) if by is None else worst(table, by)
-        yield from writer.lines(table, rows[:most], () if most is None else TERSE)
-
-
-def _notes(record: AdjustmentRecord, most: int) -> Iterator[str]:
-    yield from (f"Note: {text}" for text in record.notes[:most])
-    if len(record.notes) > most:
-        yield f"and {len(record.notes) - most} more notes (-v tells them)"
-
-
-def _seconds(record: AdjustmentRecord, told: float) -> Iterator[str]:
-    """The time of each part of the work, that of telling it too."""
-    if record.phases:
-        phases = [*((phase.name, phase.seconds) for phase in record.phases), ("summary", told)]
-        total = sum(seconds for _, seconds in phases)
-        parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in phases)
-        yield f"Seconds: {parts}; {total:.2f} in all"
-
-
-def _files(written: Sequence[str]) -> str:
-    return "Written: " + (
-        ", ".join(written) if written else "nothing (--out, --json, --html or --text write results)"
-    )
-
-
-def tested(record: AdjustmentRecord) -> str:
-    """What the test of sigma0 compares with which limits, and what it finds."""
-    verdict = Verdict(record)
-    test = verdict.test
-    if record.planned:
-        return "to be tested when there are residuals"
-    if test is None:
-        return f"sigma0 is {verdict.headline}"
-    own = units.significant(test.sigma0, 5)
-    is_other = own != units.significant(record.sigma0, 5)
-    known = ", the residuals of known points included" if is_other else ""
-    share = 100.0 * (1.0 - test.level)
-    limits = f"between {test.lower:.4g} and {test.upper:.4g} is expected"
-    return f"chi-square test at {share:g} %: {own}{known}; {limits}: {verdict.headline}"
-
-
-def left_out(record: AdjustmentRecord) -> Iterator[str]:
-    """What the adjustment does without, if anything."""
-    names = [item.what for item in record.left_out]
-    if names:
-        why = "because nothing determines them"
-        if record.gross_errors:
-            why += " (which the gross errors may cause: correct these first)"
-        yield f"  LEFT OUT, {why}: {listed(names, MOST_POINTS)}"
-    for item in record.unused:
-        yield f"  LEFT OUT, because {item.reason}: {listed(item.observations, MOST_UNUSED)}"
-
-
-def gross_errors(record: AdjustmentRecord, most: int) -> Iterator[str]:
-    """What is wrong, the clearest first, and what sigma0 is without it."""
-    diagnosis, found = record.diagnosis, record.gross_errors
-    if diagnosis is None:
-        return
-    if found:
-        yield f"  GROSS ERRORS are suspected ({len(found)}, the worst first):"
-    for item in found[:most]:
-        yield f"    {item.what}: {item.text}"
-    if len(found) > most:
-        yield f"    and {len(found) - most} more; the listing and the JSON file have them"
-    if found and diagnosis.sigma0 is not None:
-        rest = "" if diagnosis.status == "explained" else ": they do not explain all of it"
-        yield f"    Without {'it' if len(found) == 1 else 'them'} sigma0 is {diagnosis.sigma0:.3g}{rest}."
-    for item in diagnosis.remarks[:most]:
-        yield f"  Remark: {item.what}: {item.text}. No error: it is not beyond a sigma of each."
-    if diagnosis.status == "undecided" or diagnosis.reason:
-        yield f"  DIAGNOSIS {diagnosis.status}: {diagnosis.reason}"
-
-
-def warnings(record: AdjustmentRecord, most: int) -> Iterator[str]:
-    """What the user should know of the input, one line each, at most so many of them."""
-    found = record.warnings
-    yield from (f"Warning: {text}" for text in found[:most])
-    if len(found) > most:
-        yield f"and {len(found) - most} more warnings; the listing and the JSON file have them"
-
-
-def notes(record: AdjustmentRecord) -> Iterator[str]:
-    """What was computed and how far it holds, one line each."""
-    yield from (f"Note: {text}" for text in record.notes)
-
-
-def _worst(record: AdjustmentRecord) -> Iterator[str]:
-    rows = [
-        (row.standardised_residual, row.normalised_residual, row) for row in record.observations if row.active
+def brief(outcome: Outcome) -> list[Line]:
+    """Verdict and figures, for a prompt that shows a result."""
+    verdict = outcome.head.verdict
+    return [(_text(outcome, verdict.detail), ""), (_text(outcome, verdict.text), verdict.level)] + [
+        (line.strip(), level) for line, level in _cards(outcome)
     ]
-    worst_rows = nlargest(WORST, rows, key=lambda row: (abs(row[0] or 0.0), abs(row[1] or 0.0)))
-    few = structs.replace(record, observations=tuple(row for *_, row in worst_rows))
-    yield from _lines(few, "observations", "w", WORST)
-    if record.joint:
-        yield ""
-        yield from _lines(record, "vectors", "T / limit", WORST)
 
 
-def _known(record: AdjustmentRecord) -> Iterator[str]:
-    """The known coordinates that fit worst, when some are beyond what one expects of a few."""
-    count = sum(abs(row.normalised_residual) > NOTABLE for row in record.constraints)
-    if count:
-        yield from _lines(record, "known", "normalised", min(count, WORST))
+def check_shown(outcome_tables: Collection[str], names: Collection[str]) -> None:
+    """Refuses names of tables that results of a kind never have.
+
+    Raises:
+        InputError: There is such a name.
+    """
+    for name in names:
+        if _named(outcome_tables, name) is None:
+            known = ", ".join(("residuals", *outcome_tables))
+            raise InputError(f"--show {name}: there is no such table; there are {known}")
+
+
+def _named(known: Collection[str], name: str) -> str | None:
+    """The table that is called so."""
+    names = RESIDUALS if name == "residuals" else (name,)
+    return next((one for one in names if one in known), None)
+
+
+def _text(outcome: Outcome, sentence: str) -> str:
+    """A sentence of the page in letters that every terminal has."""
+    text = plain(sentence, outcome.units)
+    for sign, letters in SIGNS.items():
+        text = text.replace(sign, letters)
+    return printable(text)
+
+
+def _wrapped(
+    outcome: Outcome, sentence: str, level: str = "", indent: str = "", most: int | None = None
+) -> list[Line]:
+    lines = textwrap.wrap(
+        _text(outcome, sentence),
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+        max_lines=most,
+        placeholder=" ...",
+    )
+    return [(line, level if level in ("bad", "warn", "ok") else "") for line in lines]
+
+
+def _cards(outcome: Outcome) -> Iterator[Line]:
+    """Figures beside what they are compared with."""
+    found = outcome.head.cards
+    rows = [[_text(outcome, part) for part in _parts(card)] for card in found]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)] if rows else []
+    for card, (label, value, expected, tag, note) in zip(found, rows, strict=True):
+        level = card.tag[0] if card.tag and card.tag[0] in ("bad", "warn") else ""
+        first = f"  {label:<{widths[0]}}  {value:>{widths[1]}}"
+        yield f"{first}  {expected:<{widths[2]}}  {tag:<{widths[3]}}  {note}".rstrip(), level
+
+
+def _parts(card: Card) -> tuple[str, ...]:
+    expected = card.unit
+    if card.figure and card.figure["kind"] == "gauge" and card.unit == "expected 1":
+        expected = f"expected {card.figure['lower']:.2f} to {card.figure['upper']:.2f}"
+    return card.label, card.value, expected, "" if card.tag is None else card.tag[1], card.note
+
+
+def _findings(outcome: Outcome, room: int | None) -> tuple[list[Line], list[Line]]:
+    """Suspected errors, then what else is found, in at most so many lines; and how many have no room."""
+    parts: tuple[list[Line], list[Line]] = [], []
+    left = 0
+    for part in outcome.head.lists:
+        lines = parts[part.title != "Suspected errors"]
+        head = [(f"{part.title} ({len(part.items)}):", "")]
+        for step, group in groupby(sorted(part.items, key=lambda item: RANK[item.level]), attrgetter("step")):
+            items = list(group)
+            copies = "; ".join(dict.fromkeys(item.copy for item in items if item.copy))
+            end = _wrapped(outcome, f"Next: {step} {copies}".rstrip(), "", "    ") if step else []
+            for k, item in enumerate(items):
+                block = [*head, *_finding(outcome, item, BRIEF if room is not None else None)]
+                if room is not None and (left or len(block) + len(end) > room):
+                    left += len(items) - k
+                    break
+                lines += block
+                room, head = None if room is None else room - len(block), []
+            if not head and lines and not lines[-1][0].startswith("    Next"):
+                lines += end
+                room = None if room is None else room - len(end)
+    if left:
+        parts[1].append((f"and {left} more (-v tells all)", ""))
+    return parts
+
+
+def _finding(outcome: Outcome, item: Finding, most: int | None) -> list[Line]:
+    size = f" ({item.size})" if item.size else ""
+    place = f" {item.where}" if item.where else ""
+    return _wrapped(outcome, f"{item.title}{place}{size}: {item.text}", item.level, "  ", most)
+
+
+def _facts(outcome: Outcome, but: Collection[str]) -> Iterator[Line]:
+    """How the iterations went, what the result was made from, but for some."""
+    for section in outcome.head.sections:
+        for chart in section.charts:
+            if chart["kind"] == "convergence":
+                steps = chart["iterations"]
+                half = MOST_ITERATIONS // 2
+                kept = range(len(steps))
+                for k in kept:
+                    if k < half or k >= len(steps) - half - 1:
+                        sigma0, step = significant(steps[k]["sigma0"]), significant(steps[k]["step"])
+                        yield f"  iteration {k + 1}: sigma0 {sigma0} at its start, largest step {step}", ""
+                    elif k == half:
+                        yield f"  ... {len(steps) - 2 * half - 1} more iterations", ""
+        for name, text in section.facts:
+            if name not in but:
+                yield from _wrapped(outcome, f"{name}: {text}", "", "  ")
+
+
+def _worst(outcome: Outcome) -> Iterator[Line]:
+    """The first rows of the tables that have an order."""
+    for table in outcome.tables(()):
+        if table.get("order") and table["id"] != "points":
+            yield from _lines(outcome, table, worst(table, table["order"])[:WORST])
+
+
+def _table(outcome: Outcome, name: str) -> Iterator[Line]:
+    """A table that is asked for, the worst first; points as they were read."""
+    check_shown(outcome.known, [name])
+    wanted = _named(outcome.known, name) or name
+    found = [table for table in outcome.tables([wanted]) if table["id"] == wanted]
+    if not found:
+        yield f"(There are no {name} here.)", ""
+    for table in found:
+        order = table.get("order")
+        rows = worst(table, order) if order and table.get("rows") != "point" else ordered(table)
+        yield from _lines(outcome, table, rows)
+
+
+def _lines(outcome: Outcome, table: Table, rows: Sequence[int]) -> Iterator[Line]:
+    """Rows of the columns that the page shows unless all are asked for."""
+    writer = Writer(outcome.names, outcome.units)
+    keys = [item["key"] for item in table["columns"] if not item.get("rare")]
+    yield "", ""
+    yield from ((printable(line), "") for line in writer.lines(table, rows, keys))
+    yield "", ""

@@ -12,29 +12,14 @@ from obseq.records.adjustment import (
     GlobalTestRecord,
     StatisticsRecord,
 )
-from obseq.report import units
 from obseq.report.worst_test import Worst, one_of, worst_test
 
-TOO_LARGE = (
-    "The residuals are larger than the sigmas announce: look for a blunder among the worst residuals, for a "
-    "wrong known point, or for sigmas that are too small."
-)
-TOO_SMALL = (
-    "The residuals are smaller than the sigmas announce: the sigmas are too large, or observations that "
-    "depend on each other were given as independent."
-)
-GROSS = (
-    "The gross errors named above take part in this adjustment and spoil all of it: correct them, or switch "
-    "them off, and adjust again before judging anything else."
-)
-LEFT_OUT = (
-    "Data snooping left out the gross errors named above: they take no part in this adjustment, and what "
-    "follows holds without them."
-)
+TOO_LARGE = "Look for a blunder among the worst residuals, for a wrong known point, or for sigmas too small."
+TOO_SMALL = "The sigmas are too large, or observations that depend on each other were given as independent."
 _LEAST_REDUNDANCY = 3.0
 """Redundancy of a type below which small residuals say nothing of its sigmas."""
-_LARGEST_TOLD = 1000.0
-"""How many times too large sigmas may be said to look: beyond, residuals show the rounding of the values."""
+LEAST = 0.001
+"""Factor of sigmas below which residuals show the rounding of the values."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +32,6 @@ class Verdict:
     def test(self) -> GlobalTestRecord | None:
         """The test; None when nothing is redundant, or in records of obseq 0.1.0, which did not hold it."""
         return self.record.global_test
-
-    @property
-    def is_accepted(self) -> bool:
-        """Whether sigma0 is what the sigmas announce, of each type too; False when it cannot be tested."""
-        suspected = self.types_beyond or self.spoilt
-        return self.test is not None and self.test.passed and not suspected
 
     @property
     def spoilt(self) -> int:
@@ -100,67 +79,15 @@ class Verdict:
         return replace(worst, type="") if self.test.sigma0 > self.test.upper else worst
 
     @property
-    def headline(self) -> str:
-        """The result of the test in a few words."""
-        if self.test is None:
-            return "not tested"
-        if self.test.passed and self.spoilt:
-            return "accepted as a whole, NOT each observation"
-        if self.test.passed:
-            return "accepted as a whole, NOT by type" if self.types_beyond else "accepted"
-        return "rejected: too large" if self.test.sigma0 > self.test.upper else "rejected: too small"
-
-    @property
     def explanation(self) -> str:
-        """What the result means and what to do about it."""
-        sentences = [self._of_test(), *([self._of_types()] if self.types_beyond else [])]
-        if self.record.gross_errors and not self.spoilt:
-            sentences.insert(0, LEFT_OUT)
-        return " ".join(sentences)
-
-    def _of_test(self) -> str:
-        if self.test is None and not self.spoilt:
-            return self._of_no_test()
-        if self.spoilt:
-            return self._of_gross_errors()
-        assert self.test is not None
-        if not self.test.passed:
-            if self.record.redundancy == 1 and self.test.sigma0 > self.test.upper:
-                return _of_one_condition(self.record, self.test.sigma0) or TOO_LARGE
-            if self.test.sigma0 < self.test.upper:
-                return TOO_SMALL
-            worst = self.worst
-            return TOO_LARGE if worst is None else f"{TOO_LARGE} {worst.sentence}"
-        whole = " all together" if self.types_beyond else ""
-        return f"The residuals{whole} are what the sigmas of the observations announce."
-
-    def _of_no_test(self) -> str:
-        if self.record.planned:
-            return "Nothing is measured yet: precisions and reliability are those to expect."
-        if not self.record.converged:
-            return "The iterations did not converge: residuals say nothing of the observations yet."
-        if self.record.redundancy > 0:
-            return "This result does not hold the test of sigma0: adjust again to have it."
-        return "Nothing is redundant: each observation fits exactly, and nothing checks it."
-
-    def _of_gross_errors(self) -> str:
-        gone = len(self.record.rejections)
-        if not gone:
-            return GROSS
-        return (
-            f"Data snooping left out {gone} observation{'s' if gone > 1 else ''}, listed below; gross errors "
-            "named above that are not in that list may still take part and spoil the rest."
-        )
-
-    def _of_types(self) -> str:
-        """Which types have sigmas that the residuals contradict, and by how much."""
-        beyond = self.types_beyond
-        level = 100.0 * (beyond[0].level or 0.0)
-        told = "; ".join(_told(row) for row in beyond)
-        return (
-            f"Type by type (chi-square test of each at {level:.2g} %): {told}. Correct these sigmas, the "
-            "worst first, and adjust again; --variance-components estimates them."
-        )
+        """What to look at where sigma0 is not as expected; empty elsewhere."""
+        if self.test is None or self.test.passed or self.spoilt:
+            return ""
+        if self.test.sigma0 < self.test.upper:
+            return TOO_SMALL
+        if self.record.redundancy == 1:
+            return _of_one_condition(self.record, self.test.sigma0) or TOO_LARGE
+        return TOO_LARGE if self.worst is None else f"{TOO_LARGE} {self.worst.sentence}"
 
 
 def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
@@ -199,19 +126,5 @@ def _is_beyond(row: StatisticsRecord) -> bool:
 
 def _times(row: StatisticsRecord) -> float:
     """How many times too large or too small the sigmas of a type look."""
-    factor = max(row.sigma_factor or 0.0, 1.0 / _LARGEST_TOLD)
+    factor = max(row.sigma_factor or 0.0, LEAST)
     return max(factor, 1.0 / factor)
-
-
-def _rounded(times: float) -> str:
-    """Three digits, without an exponent while that is readable."""
-    return f"{times:.3g}" if times < 100.0 or times > 1e7 else f"{times:.0f}"
-
-
-def _told(row: StatisticsRecord) -> str:
-    size = "small" if (row.sigma_factor or 0.0) > (row.upper or 0.0) else "large"
-    limits = f"{row.lower:.3g} to {row.upper:.3g}"
-    least = "at least " if size == "large" else "about "
-    share = f"their residuals are {units.significant(row.sigma_factor, 3)} of what they announce"
-    times = _rounded(_times(row))
-    return f"the sigmas of {row.name} look {least}{times} times too {size} ({share}; {limits} is expected)"

@@ -235,7 +235,7 @@ class Fieldwork:
             )
             given = leave_out(given, given.initial.unplaced)
         with computation.watch.phase("equations"):
-            equations = self._equations(given)
+            equations = equations_of(self.frame, self.point_system, given, computation.blocks)
         check_scales(given, equations, self._equations, computation.whole)
         check_sights(given.book, given.initial)
         Plumb(self.frame, given.points).check(given.book, given.initial.orientations)

@@ -23,11 +23,11 @@ from obseq.arguments import (
 )
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, noting
+from obseq.leastsquares import Blocks
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind
-from obseq.survey.adjustment.plotting import network_html, network_text
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.assembling import deflected, in_frame
 from obseq.survey.by_name import robust
@@ -110,7 +110,7 @@ class Network(Edited):
     def read(
         cls,
         observation_files: str | Path | Sequence[str | Path],
-        point_files: str | Path | Sequence[str | Path],
+        point_files: str | Path | Sequence[str | Path] = (),
         frame: str | None = None,
         points_crs: str | None = None,
         point_sigma: float | None = None,
@@ -128,7 +128,8 @@ class Network(Edited):
 
         Args:
             observation_files: OBS files; each starts afresh, their observations are put together.
-            point_files: COR files, tables of points (.csv), or files of another format (`point_format`).
+            point_files: COR files, tables of points (.csv), or files of another format (`point_format`);
+                without any the network is placed in a frame of its own.
             frame: Definition of the computation frame; without it a plane with heights, or a local tangent
                 frame at the mean of the known points when their system is given. A bare `RTL` takes its
                 origin from the mean of the points.
@@ -246,9 +247,13 @@ class Network(Edited):
         return replace(self, points=points, book=self.book.warned(*warning))
 
     def __repr__(self) -> str:
+        from obseq.survey.adjustment.plotting import network_text
+
         return f"Network: {network_text(self.points, self.book, self.frame)}"
 
     def _repr_html_(self) -> str:
+        from obseq.survey.adjustment.plotting import network_html
+
         return network_html(self.points, self.book, self.frame)
 
     @classmethod
@@ -321,6 +326,7 @@ class Network(Edited):
         datum=instance(Datum) | TEXT | NOTHING,
         strategy=TEXT,
         loss=TEXT | NOTHING,
+        blocks=instance(Blocks) | NOTHING,
     )
     def adjust(
         self,
@@ -334,6 +340,7 @@ class Network(Edited):
         datum: Datum | str | None = None,
         strategy: str = "controlled",
         loss: str | None = None,
+        blocks: Blocks | None = None,
     ) -> Adjustment:
         """Adjusts the network by least squares.
 
@@ -353,6 +360,7 @@ class Network(Edited):
                 the known coordinates.
             strategy: How the iterations move; see `obseq.LeastSquares.solve`.
             loss: "huber", "l1", "cauchy" or "tukey" for robust weights.
+            blocks: How it is solved in blocks, with little memory or by many workers; None for at once.
 
         Raises:
             InputError: Something in the input makes the adjustment impossible.
@@ -370,6 +378,7 @@ class Network(Edited):
             watch,
             quality,
             strategy=strategy,
+            blocks=blocks,
         )
 
         def adjusted(book: FieldBook) -> Adjustment:

@@ -34,12 +34,14 @@ def test_unconnected_unknowns_are_not_merged():
     np.testing.assert_array_equal(grouping.vertex, np.arange(5))
 
 
-def test_unknowns_to_be_last_are_one_vertex_after_all_others(build):
+def test_unknowns_to_be_last_are_vertices_of_their_own_after_all_others(build):
     pattern, _ = SymmetricPattern.of(build.survey(40))
     last = np.array([0, 7, 100])  # 0 and 7 leave the other unknowns of their points
     grouping = group_indistinguishable(pattern, last)
-    assert set(grouping.vertex[last]) == {grouping.graph.n - 1}
-    assert np.count_nonzero(grouping.vertex == grouping.graph.n - 1) == 3
+    n = grouping.graph.n
+    assert grouping.n_last == 3
+    assert grouping.vertex[last].tolist() == [n - 3, n - 2, n - 1]
+    assert grouping.graph.weights[-3:].tolist() == [1, 1, 1]
     assert grouping.vertex[1] == grouping.vertex[2]
     assert grouping.graph.weights.sum() == pattern.n
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.cli.images.bundle_sources import DATUMS, add_sources, inputs, read_block
+from obseq.cli.in_blocks import add_blocks_arguments, blocks_of, ended
 from obseq.cli.parsing import (
     Commands,
     add_command,
@@ -19,14 +21,13 @@ from obseq.cli.parsing import (
     output_file,
     positive_integer,
     positive_number,
-    say,
 )
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_quiet, print_verdict
+from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show
 from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
-from obseq.records.shown_units import METRIC
+from obseq.stopwatch import Stopwatch
 from obseq.writing import SECOND, check_writable, write_all
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from obseq.images import BundleAdjustment, BundleSolution
     from obseq.images.output.block_record import BundleRecord
     from obseq.images.poses import Poses
+    from obseq.report.summary import Detail
 
 MORE = """
 A block is given by tables with a line of column names (cameras, images with or without poses,
@@ -86,7 +88,7 @@ FILES = {
     "interior": ("cameras.csv", "adjusted cameras, in the form of --cameras"),
     "points": ("points.csv", "adjusted points with their sigmas"),
     "checks": ("checks.csv", "check points: adjusted minus given, with sigmas"),
-    "text": ("bundle.txt", "what is printed"),
+    "text": ("bundle.txt", "a complete listing"),
     "html": ("bundle.html", "a page with drawings: views, residuals, calibrations"),
 }
 
@@ -100,7 +102,7 @@ def register(commands: Commands) -> None:
     results = command.add_argument_group("results")
     names = ", ".join(name for name, _ in FILES.values())
     results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
-    add_quiet(results)
+    add_detail(results)
     for option, (_, purpose) in FILES.items():
         results.add_argument(f"--{option}", type=output_file, metavar="FILE", help=purpose)
     for writer in WRITERS:
@@ -149,20 +151,30 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
     computation.add_argument(
         "--threads", type=positive_integer, default=1, metavar="N", help="how many share the work"
     )
+    add_blocks_arguments(command)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
+    arguments.blocks = blocks_of(arguments)
+    with ended(arguments.blocks):
+        return _adjusted(arguments)
+
+
+def _adjusted(arguments: argparse.Namespace) -> int:
     outputs = _outputs(arguments)
     second = _second(outputs).values() if arguments.without_accused else ()
     others = [path for writer, place in _asked(arguments) for path in writer.places(place)]
     check_writable([*outputs.values(), *second, *others], inputs(arguments))
+    detail = detail_of(arguments)
     with Progress("loading") as progress:
-        from obseq.images.causes.refusals import explained
-        from obseq.images.output.overview import overview
+        watch = Stopwatch(progress)
+        with watch.phase("load"):
+            from obseq.images.causes.refusals import explained
+            from obseq.images.output.overview import overview
 
-        progress("reading")
-        block, datum = read_block(arguments)
+        with watch.phase("read"):
+            block, datum = read_block(arguments)
         given, options = block.poses, _options(datum, arguments)
         if not block.check_points and not arguments.checks:
             outputs.pop("checks", None)
@@ -170,17 +182,13 @@ def run(arguments: argparse.Namespace) -> int:
             for writer, _ in _asked(arguments):
                 writer.check(block)
             read = overview(block)
-            progress.tell(read)
+            if detail.amount != "quiet":
+                progress.tell(read)
+                detail = replace(detail, lines=detail.lines - read.count("\n"))
             with explained(block, progress, **options):
-                solution = _solve(block, options, progress)
-        record, shown = _reported(solution, given, arguments, outputs, options, progress, read)
-    if arguments.quiet:
-        from obseq.images.output.page import shown as page_of
-        from obseq.report.units import Units
-
-        print_verdict(page_of(record), Units(METRIC), outputs.values())
-    else:
-        say(shown, outputs.values())
+                solution = _solve(block, options, watch)
+        record, written = _reported(solution, given, arguments, outputs, options, watch, read)
+    _show(record, written, detail, watch)
     if arguments.without_accused:
         return _without_accused(solution, record, arguments, outputs, options)
     return 0 if record.is_complete else INCOMPLETE
@@ -192,26 +200,34 @@ def _reported(
     arguments: argparse.Namespace,
     outputs: Mapping[str, Path],
     options: Options,
-    progress: Progress,
+    watch: Stopwatch,
     read: str,
-) -> tuple[BundleRecord, str]:
-    """The record of a solution and its summary, when its files are written."""
+) -> tuple[BundleRecord, list[Path]]:
+    """The record of a solution, and its files, when they are written."""
     from obseq.images.causes.diagnosing import diagnosed
     from obseq.images.output.record import record_of
-    from obseq.images.output.summary import summary
 
-    boundary, text = Boundary(), outputs.get("text")
-    search = partial(diagnosed, solution, given, progress, **options)
-    diagnosis = boundary.attempt("the search for errors", search, None)
-    progress("writing")
-    record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
     boundary = Boundary()
-    files = boundary.texts(_writers(outputs, solution, record))
-    files |= _written(arguments, solution, boundary)
-    record = structs.replace(record, failures=(*record.failures, *boundary.failures))
-    shown = summary(record, [str(path) for path in outputs.values() if path in files or path == text])
-    write_all(files | ({} if text is None else {text: shown + read}))
-    return record, shown
+    search = partial(diagnosed, solution, given, watch.progress, **options)
+    with watch.phase("search for errors"):
+        diagnosis = boundary.attempt("the search for errors", search, None)
+    with watch.phase("record"):
+        record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
+    with watch.phase("write"):
+        boundary = Boundary()
+        files = boundary.texts(_writers(outputs, solution, record, read))
+        files |= _written(arguments, solution, boundary)
+        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
+        write_all(files)
+    return record, [path for path in outputs.values() if path in files]
+
+
+def _show(record: BundleRecord, written: list[Path], detail: Detail, watch: Stopwatch) -> None:
+    from obseq.images.output.page import outcome
+
+    with watch.phase("summary"):
+        found = outcome(record)
+    show(found, written, detail, watch.seconds)
 
 
 def _without_accused(
@@ -233,11 +249,13 @@ def _without_accused(
             given = block.poses
             block.initialise(causes=False)
             rest = block.solve(**options)
-            _, shown = _reported(rest, given, alone, places, options, progress, "")
+            watch = Stopwatch(progress)
+            record, written = _reported(rest, given, alone, places, options, watch, "")
     except ObseqError as error:
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
-    say(f"\n{shown}", places.values())
+    print()
+    _show(record, written, detail_of(arguments), watch)
     return INCOMPLETE
 
 
@@ -256,12 +274,11 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
 
 
 def _writers(
-    outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord
+    outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord, read: str
 ) -> dict[Path, Callable[[], str]]:
-    """What writes each of the files that are asked for, but the summary."""
-    from obseq.images.output.clouds import camera_table, ply, point_table, pose_table
-    from obseq.images.output.page import page
-    from obseq.images.output.references_told import check_table
+    """What writes each of the files that are asked for."""
+    from obseq.images.output.clouds import camera_table, check_table, ply, point_table, pose_table
+    from obseq.images.output.page import page, text
 
     writers = {
         "json": record.to_json,
@@ -270,6 +287,7 @@ def _writers(
         "interior": lambda: camera_table(solution),
         "points": lambda: point_table(solution),
         "checks": lambda: check_table(record),
+        "text": lambda: f"{text(record)}\n{read}",
         "html": lambda: page(record),
     }
     return {path: writers[option] for option, path in outputs.items() if option in writers}
@@ -297,10 +315,11 @@ def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> Opt
     """What the command line says of the solution."""
     given = {"strategy": arguments.strategy} if arguments.strategy else {}
     limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
-    return {"datum": datum, "threads": arguments.threads, **limits, **given}
+    return {"datum": datum, "threads": arguments.threads, "blocks": arguments.blocks, **limits, **given}
 
 
-def _solve(block: BundleAdjustment, options: Options, progress: Progress) -> BundleSolution:
-    progress("first values")
-    block.initialise()
-    return block.solve(progress=lambda step: progress(str(step)), **options)
+def _solve(block: BundleAdjustment, options: Options, watch: Stopwatch) -> BundleSolution:
+    with watch.phase("initial values"):
+        block.initialise()
+    with watch.phase("adjust"):
+        return block.solve(progress=lambda step: watch.progress(str(step)), **options)

@@ -7,9 +7,9 @@ from pathlib import Path
 from msgspec import structs
 
 from obseq.boundary import Boundary
-from obseq.cli.parsing import Commands, add_command, output_file, say
+from obseq.cli.parsing import Commands, add_command, output_file
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE
+from obseq.cli.results import INCOMPLETE, show
 from obseq.writing import check_writable, write_all
 
 MORE = """
@@ -23,6 +23,7 @@ Options are MMVII's, Name=value, of today or of 2024:
   BRDirIn=F BRW=[Tr,Rot] BRW_Rat=[Tr,Rot] OutRigBlock=F
   BOI=[[Block,mTr,mRot,Save,Rel],[gTr,gRot],[cTr,cRot]] InInstrBlock=F OutInstrBlock=F
   ClinoBOI=[[Block,mAng,mOrth],[VertFree,Others],[Degree0,Degree1,...]] InMeasureClino=F
+  ClinoDirIn=F InMeasureClino=F ClinoDirOut=F (clinometers of ClinoInit, without a block)
 The iterations go on until they converge; NbIter only limits them. Poses, calibrations and points that
 are written belong to one state."""
 
@@ -63,9 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
         from obseq.images.causes.diagnosing import diagnosed
         from obseq.images.causes.refusals import explained
         from obseq.images.output.clouds import ply
-        from obseq.images.output.page import page
+        from obseq.images.output.page import outcome, page
         from obseq.images.output.record import record_of
-        from obseq.images.output.summary import summary
         from obseq.project.assembly import assembled
         from obseq.project.results import Results
 
@@ -91,5 +91,5 @@ def run(arguments: argparse.Namespace) -> int:
         check_writable(files)
         write_all(files)
     written = [tree.folder("Ori", arguments.out), *reports]
-    say(summary(record, [str(path) for path in written]), reports)
+    show(outcome(record), written)
     return 0 if record.is_complete else INCOMPLETE

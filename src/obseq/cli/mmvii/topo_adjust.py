@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 from obseq.cli.mmvii.tree_command import Files
 from obseq.cli.parsing import Commands, add_command, say
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_result_arguments, detail_of, outputs_of, show, shown_in, write
+from obseq.cli.results import (
+    INCOMPLETE,
+    add_result_arguments,
+    detail_of,
+    outputs_of,
+    show_adjustment,
+    shown_in,
+    write,
+)
 from obseq.errors import InputError
 from obseq.writing import check_writable
 
@@ -74,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
     say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
-    show(record, outputs, list(files), detail_of(arguments))
+    show_adjustment(record, (path for path, _ in outputs), detail_of(arguments), files)
     return 0 if record.is_complete else INCOMPLETE
 
 

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 from msgspec import structs
 
 from obseq.boundary import Boundary
+from obseq.cli.in_blocks import add_blocks_arguments, blocks_of, ended
 from obseq.cli.networks.network_files import COMMON, Source, add_network_arguments, given, source_of
 from obseq.cli.networks.quality import add_quality_arguments, quality_of
 from obseq.cli.parsing import Commands, add_command, add_iterations
 from obseq.cli.progress import Progress
 from obseq.cli.results import (
     INCOMPLETE,
-    Detail,
     Outputs,
     add_result_arguments,
     detail_of,
     outputs_of,
-    show,
+    show_adjustment,
     shown_in,
     write,
 )
@@ -30,6 +30,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.printable import composed, printable
 from obseq.records.adjustment import AdjustmentRecord, PhaseRecord
+from obseq.report.summary import USUAL, Detail
 from obseq.stopwatch import Stopwatch
 from obseq.writing import SECOND, STANDARD_OUTPUT, check_writable
 
@@ -77,7 +78,7 @@ class Request:
     estimated: Sequence[str] = ()
     units: Sequence[str] = ()
     without_accused: bool = False
-    detail: Detail = Detail()
+    detail: Detail = USUAL
 
     @property
     def places(self) -> list[Path]:
@@ -149,6 +150,7 @@ def register(commands: Commands) -> None:
     )
     command.add_argument("--title", metavar="TEXT", help="what the reports call this adjustment")
     add_quality_arguments(command)
+    add_blocks_arguments(command)
     add_result_arguments(command)
     command.add_argument(
         "--sinex", type=Path, metavar="FILE", help="also adjusted points with their whole covariance (SINEX)"
@@ -164,6 +166,7 @@ def run(arguments: argparse.Namespace) -> int:
         "strict": arguments.strict,
         "quality": quality_of(arguments),
         "datum": _datum(arguments),
+        "blocks": blocks_of(arguments),
     }
     return adjust(
         Request(
@@ -193,13 +196,18 @@ def _datum(arguments: argparse.Namespace) -> Any:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
+    with ended(request.solving.get("blocks")):
+        return _adjusted(request)
+
+
+def _adjusted(request: Request) -> int:
     second = request.second() if request.without_accused else None
     check_writable([*request.places, *(second.places if second else ())], request.source.files)
     with Progress("starting") as progress:
         watch = Stopwatch(progress)
         network = _network(request, watch)
         record, others = _written(network, request, watch)
-    show(record, request.outputs, others, request.detail)
+    show_adjustment(record, (path for path, _ in request.outputs), request.detail, others)
     if second is not None:
         return _without_accused(network, record, second)
     return 0 if record.is_complete else INCOMPLETE
@@ -215,7 +223,7 @@ def _without_accused(network: "Network", first: AdjustmentRecord, request: Reque
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
     print()
-    show(record, request.outputs, others, request.detail)
+    show_adjustment(record, (path for path, _ in request.outputs), request.detail, others)
     return INCOMPLETE
 
 

@@ -2,21 +2,24 @@
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.networks.network_files import COMMON, Source, add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_quiet, add_units, print_verdict, shown_in
+from obseq.cli.results import INCOMPLETE, add_detail, add_units, detail_of, show, shown_in
 from obseq.errors import InputError
-from obseq.printable import composed, listed
+from obseq.printable import composed
+from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable
 
     from obseq.records.comparison import ComparisonRecord
+    from obseq.report.summary import Outcome
 
 MORE = """
 Adjusts both epochs in one frame, and tests which points have moved. Without --reference, the known points are
@@ -32,9 +35,7 @@ examples:
 
 EXITS = """\
 exit code: 0 nothing has moved significantly; 1 something has, or an epoch is incomplete, or a gross error
-is suspected in one (no verdict then): the last line says which; 2 could not run"""
-MOST = 8
-"""Points that the last line names."""
+is suspected in one (no verdict then); 2 could not run"""
 NAMES = ("comparison.json", "comparison.txt", "comparison.csv", "comparison.html")
 
 
@@ -64,60 +65,48 @@ def register(commands: Commands) -> None:
     )
     wanted.add_argument("--a-priori", action="store_true", help="trust the given sigmas")
     add_units(command)
-    add_quiet(command)
+    add_detail(command)
     command.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {', '.join(NAMES)}")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare what the command line names."""
-    first = source_of(arguments)
+    first, detail = source_of(arguments), detail_of(arguments)
     second = _second(arguments, first)
     places = [arguments.out / name for name in NAMES] if arguments.out else []
     check_writable(places, [*first.files, *second.files])
     with Progress("starting") as progress:
-        from obseq.report.compared import shown
-        from obseq.report.comparison import comparison_summary
-        from obseq.report.units import Units
-
-        record, incomplete = _compared(arguments, first, second, progress)
-        write_all(dict(zip(places, texts_of(record).values(), strict=bool(places))))
-    reasons = list(reasons_of(record, incomplete))
-    if arguments.quiet:
-        print_verdict(shown(record), Units(record.units), places)
-        return INCOMPLETE if reasons else 0
-    print(comparison_summary(record, [str(path) for path in places]), end="")
-    if reasons:
-        print(f"exit code {INCOMPLETE}: {'; '.join(reasons)}")
-    return INCOMPLETE if reasons else 0
+        watch = Stopwatch(progress)
+        with watch.phase("load"):
+            from obseq.report.compared import outcome
+            from obseq.survey import compare  # noqa: F401  # its time is not that of reading
+        record = _compared(arguments, first, second, watch)
+        with watch.phase("write"):
+            made = zip(places, texts_of(record).values(), strict=True) if places else ()
+            write_all({path: text() for path, text in made})
+    with watch.phase("summary"):
+        found = outcome(record)
+    show(found, places, detail, watch.seconds)
+    return exit_code(found)
 
 
-def texts_of(record: "ComparisonRecord") -> dict[str, str]:
-    """The contents of the files, by the names of the formats."""
-    from obseq.report.compared import comparison_page
-    from obseq.report.comparison import comparison_csv, comparison_json, comparison_summary
+def exit_code(found: "Outcome") -> int:
+    """0 where both epochs are whole, and nothing has moved."""
+    return 0 if found.head.verdict.level == "ok" else INCOMPLETE
+
+
+def texts_of(record: "ComparisonRecord") -> "dict[str, Callable[[], str]]":
+    """What writes the files, by the names of the formats."""
+    from obseq.report.compared import comparison_csv, comparison_page, outcome
+    from obseq.report.result_file import text_of
+    from obseq.report.summary import listing
 
     return {
-        "json": comparison_json(record),
-        "text": comparison_summary(record, most=None),
-        "csv": comparison_csv(record),
-        "html": comparison_page(record),
+        "json": partial(text_of, record),
+        "text": lambda: listing(outcome(record)),
+        "csv": partial(comparison_csv, record),
+        "html": partial(comparison_page, record),
     }
-
-
-def reasons_of(record: "ComparisonRecord", incomplete: list[int]) -> "Iterator[str]":
-    """Why the exit code is not 0."""
-    if record.obstacles:
-        yield "no verdict, for the reasons above"
-        return
-    moved = [*record.moved, *(row.point for row in record.displacements if row.is_significant)]
-    if moved:
-        yield f"moved: {listed(list(dict.fromkeys(moved)), MOST)}"
-    if record.undecided:
-        yield f"moved, undecided which: one or more of {listed(record.undecided, MOST)}"
-    elif not moved and not record.congruence.passed:
-        yield "the points together have moved"
-    if incomplete:
-        yield f"incomplete, as warned above: {', '.join(f'epoch {number}' for number in incomplete)}"
 
 
 def _second(arguments: argparse.Namespace, first: Source) -> Source:
@@ -135,26 +124,30 @@ def _second(arguments: argparse.Namespace, first: Source) -> Source:
 
 
 def _compared(
-    arguments: argparse.Namespace, first: Source, second: Source, progress: Progress
-) -> tuple["ComparisonRecord", list[int]]:
-    """The record of the comparison, and the numbers of the epochs that are not complete."""
+    arguments: argparse.Namespace, first: Source, second: Source, watch: Stopwatch
+) -> "ComparisonRecord":
+    """The record of the comparison."""
     from obseq.survey import Datum, compare
     from obseq.survey.adjustment.datum import DatumKind
 
-    before = shown_in(first.read(), arguments.units)
+    with watch.phase("read"):
+        before = shown_in(first.read(), arguments.units)
     reading = second.reading | {"frame": before.frame.system.definition}
     if not second.project:
         reading["points_crs"] = before.points_crs.definition
-    after = shown_in(replace(second, reading=reading).read(), arguments.units)
+    with watch.phase("read"):
+        after = shown_in(replace(second, reading=reading).read(), arguments.units)
     # coordinates of reference points that have moved would bend the network
     datum = Datum(DatumKind.INNER, tuple(arguments.reference)) if arguments.reference else None
-    epochs = [network.adjust(progress=progress, datum=datum) for network in (before, after)]
-    found = compare(
-        epochs[0],
-        epochs[1],
-        arguments.level,
-        points=arguments.points,
-        reference=arguments.reference,
-        a_priori=arguments.a_priori,
-    )
-    return found.record(), [number for number, epoch in enumerate(found.epochs, 1) if not epoch.is_whole]
+    with watch.phase("adjust"):
+        epochs = [network.adjust(progress=watch.progress, datum=datum) for network in (before, after)]
+    with watch.phase("compare"):
+        found = compare(
+            epochs[0],
+            epochs[1],
+            arguments.level,
+            points=arguments.points,
+            reference=arguments.reference,
+            a_priori=arguments.a_priori,
+        )
+        return found.record()

@@ -208,7 +208,7 @@ def source_of(arguments: argparse.Namespace) -> Source:
     obs, cor, project = _by_role(arguments)
     if project:
         return Source([], [], _project_options(arguments, reading, obs, cor), project)
-    if not obs or not cor:
+    if not obs:
         raise InputError(
             "What to adjust? Files of observations and of points (obseq adjust site.obs site.cor; --obs and "
             "--cor say which is which), or a project (obseq adjust site.comp)."

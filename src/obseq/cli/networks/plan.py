@@ -1,26 +1,30 @@
 """`obseq plan` and `obseq simulate`: a network before it is measured."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.networks.network_files import COMMON, add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_quiet, add_units, print_verdict, shown_in
+from obseq.cli.results import INCOMPLETE, add_detail, add_units, detail_of, show, shown_in
 from obseq.errors import InputError
 from obseq.printable import composed
+from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from obseq.records.plan import PlanRecord
     from obseq.survey import Network
 
 PLAN = """
 The point file gives approximate coordinates of all points and the sigmas of the known ones; the observation
 files give what is to be observed, with its sigmas. Values of observations do not count: any number may stand
-there. Prints precisions and reliability to expect, the weakest points and directions, and what one more
-observation would bring."""
+there. Prints how well points will be known, where the plan is weak, and what one more observation would
+bring."""
 
 PLAN_EXAMPLE = """\
 examples:
@@ -73,7 +77,7 @@ def register(commands: Commands) -> None:
         "--relative", action="store_true", help="precision of each pair of points that is joined"
     )
     add_units(command)
-    add_quiet(command)
+    add_detail(command)
     command.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for plan.json, plan.txt and plan.html"
     )
@@ -98,22 +102,25 @@ def _add_seed(group: argparse._ArgumentGroup) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan what the command line names."""
-    source, out = source_of(arguments), arguments.out
+    source, out, detail = source_of(arguments), arguments.out, detail_of(arguments)
     names = "plan.json", "plan.txt", "plan.html"
     places = [out / name for name in names] if out else []
     check_writable(places, source.files)
     with Progress("starting") as progress:
-        record = _planned(arguments, shown_in(source.read(places), arguments.units), progress)
-        written = dict(zip(places, texts_of(record).values(), strict=True)) if out else {}
-        write_all(written)
-    from obseq.report.planned import shown
-    from obseq.report.planning import plan_summary
-    from obseq.report.units import units_of
-
-    if arguments.quiet:
-        print_verdict(shown(record), units_of(record.adjustment), written)
-    else:
-        print(plan_summary(record, [str(path) for path in written]), end="")
+        watch = Stopwatch(progress)
+        with watch.phase("load"):
+            from obseq.report.planned import outcome
+            from obseq.survey import plan  # noqa: F401  # its time is not that of reading
+        with watch.phase("read"):
+            network = shown_in(source.read(places), arguments.units)
+        with watch.phase("plan"):
+            record = _planned(arguments, network, progress)
+        with watch.phase("write"):
+            made = zip(places, texts_of(record).values(), strict=True) if out else ()
+            write_all({path: text() for path, text in made})
+    with watch.phase("summary"):
+        found = outcome(record)
+    show(found, places, detail, watch.seconds)
     return exit_code(record)
 
 
@@ -140,14 +147,17 @@ def _planned(arguments: argparse.Namespace, network: "Network", progress: Progre
     return found.record(arguments.most)
 
 
-def texts_of(record: "PlanRecord") -> dict[str, str]:
-    """The contents of plan.json, plan.txt and plan.html, by the names of the formats."""
-    from obseq.report.listing import listing
-    from obseq.report.planned import plan_page
-    from obseq.report.planning import plan_json, plan_summary
+def texts_of(record: "PlanRecord") -> "dict[str, Callable[[], str]]":
+    """What writes plan.json, plan.txt and plan.html, by the names of the formats."""
+    from obseq.report.planned import outcome, plan_page
+    from obseq.report.result_file import text_of
+    from obseq.report.summary import listing
 
-    told = plan_summary(record) + "\n" + listing(record.adjustment)
-    return {"json": plan_json(record), "text": told, "html": plan_page(record)}
+    return {
+        "json": partial(text_of, record),
+        "text": lambda: listing(outcome(record)),
+        "html": partial(plan_page, record),
+    }
 
 
 def run_simulate(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Calibrations as YAML: OpenCV's, those of ROS (`camera_info`), and camera chains of kalibr.
+"""Calibrations as YAML: OpenCV's, those of ROS (`camera_info`), camera chains of kalibr, sensors of EuRoC.
 
 All have the middle of the first pixel at (0, 0); here it is at (0.5, 0.5). Their models are those of COLMAP.
 """
@@ -29,11 +29,24 @@ PLANE = ("", "plumb_bob", "rational_polynomial", "radtan")
 """What those of a plane are called."""
 KALIBR = {
     "radtan": ("OPENCV", 4),
+    "radial-tangential": ("OPENCV", 4),
     "equidistant": ("OPENCV_FISHEYE", 4),
+    "equi": ("OPENCV_FISHEYE", 4),
     "fov": ("FOV", 1),
     "none": ("PINHOLE", 0),
 }
 """Models of COLMAP, and numbers of terms, by kalibr's distortion."""
+MATRICES = ("camera_matrix", "K", "k", "cameraMatrix")
+TERMS = (
+    "distortion_coefficients",
+    "distortion_coefficents",
+    "distortion_coeffs",
+    "D",
+    "d",
+    "distCoeffs",
+    "dist_coeffs",
+)
+"""What files call the matrix of a camera, and the terms of its distortion."""
 HALF = 0.5
 
 
@@ -45,9 +58,11 @@ def read_calibrations(path: Path) -> list[Camera]:
     """
     content = _content(path)
     chain = {name: item for name, item in content.items() if isinstance(item, dict) and "intrinsics" in item}
+    if "intrinsics" in content:
+        chain = {str(content.get("sensor_name") or path.stem): content}
     if chain:
         return [_of_kalibr(f"{path}: {name}", str(name), item) for name, item in chain.items()]
-    matrix = next((name for name in ("camera_matrix", "K", "cameraMatrix") if name in content), None)
+    matrix = next((name for name in MATRICES if name in content), None)
     if matrix is None:
         raise InputError(
             f"{path}: no calibration of OpenCV or ROS (camera_matrix), nor of kalibr (intrinsics)"
@@ -77,7 +92,7 @@ def _content(path: Path) -> dict[str, object]:
 
 def _of_kalibr(where: str, name: str, item: dict[str, object]) -> Camera:
     model, distortion = item.get("camera_model", "pinhole"), item.get("distortion_model", "none")
-    terms = _numbers(where, "distortion_coeffs", item.get("distortion_coeffs", []))
+    terms = _terms(where, item)
     values = _numbers(where, "intrinsics", item["intrinsics"])
     size = _numbers(where, "resolution", item.get("resolution", []))
     if model == "eucm" and distortion == "none" and len(values) == 6:
@@ -101,12 +116,10 @@ def _of_opencv(path: Path, content: dict[str, object], matrix: str) -> Camera:
         raise InputError(f"{where}: {matrix} has {len(k)} numbers, not 9")
     if k[1] or k[3] or list(k[6:]) != [0.0, 0.0, 1.0]:
         raise InputError(f"{where}: {matrix} has a skew or a last row that is not 0 0 1")
-    names = ("distortion_coefficients", "distortion_coefficents", "D", "distCoeffs", "dist_coeffs")
-    found = next((name for name in names if name in content), None)
-    terms = _numbers(where, found, _data(content[found])) if found else []
+    terms = _terms(where, content)
     words = content.get("distortion_model") or content.get("camera_model") or ""
     model = str(words).lower()
-    size = [content.get(f"image_{side}", math.nan) for side in ("width", "height")]
+    size = [content.get(f"image_{side}", content.get(side, math.nan)) for side in ("width", "height")]
     name = str(content.get("camera_name") or path.stem)
     values = [k[0], k[4], k[2], k[5]]
     if model in FISH_EYES or content.get("fisheye_model") in (1, True):
@@ -129,15 +142,23 @@ def _of_opencv(path: Path, content: dict[str, object], matrix: str) -> Camera:
 def _camera(
     where: str, name: str, model: str, size: Sequence[object], values: Sequence[float], terms: Sequence[float]
 ) -> Camera:
+    if math.nan in size or not size:
+        raise InputError(f"{where}: the size of the image is missing; add image_width and image_height")
     sides = _numbers(where, "the size of the image", list(size))
     if len(sides) != 2 or not all(1.0 <= side < 1e6 and side == int(side) for side in sides):
-        raise InputError(f"{where}: the size of the image (width, height) is missing or wrong")
+        raise InputError(f"{where}: the size of the image (width, height) is wrong")
     middle = [value + HALF for value in values[2:]]
     given = [*values[:2], *middle, *terms]
     try:
         return camera_of(name, model, (int(sides[0]), int(sides[1])), given)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
+
+
+def _terms(where: str, content: dict[str, object]) -> list[float]:
+    """The terms of the distortion, as a file calls them."""
+    found = next((name for name in TERMS if name in content), None)
+    return _numbers(where, found, _data(content[found])) if found else []
 
 
 def _data(item: object) -> object:

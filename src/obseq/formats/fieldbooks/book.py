@@ -28,7 +28,7 @@ from obseq.survey.kinds.registry import codes
 from obseq.survey.model import Orientation, points_of_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from obseq.formats.project import Reader, Reading
@@ -68,6 +68,15 @@ class _Staff(NamedTuple):
     is_back: bool
 
 
+class _Worth(NamedTuple):
+    """Of a kind of observation: its sigmas, whether heights of ends have a part, and the set-up's circle."""
+
+    sigma: float
+    relative: float
+    is_lifted: bool
+    is_turned: bool
+
+
 class _SetUp:
     """A set-up of the instrument: row of its point, station, points sighted so far, line it begins in."""
 
@@ -103,6 +112,7 @@ class Book:
         self._set_ups: dict[str, _SetUp] = {}
         self._set_up: _SetUp | None = None
         self._staffs: list[_Staff] = []
+        self._instruments: dict[str, tuple[int, Mapping[str, float], dict[int, _Worth]]] = {}
         self.use("")
 
     def open(self, file: TextFile) -> None:
@@ -114,8 +124,9 @@ class Book:
     def use(self, instrument: str) -> None:
         """The instrument of the sights that follow; "" for one without a name."""
         name = named(instrument) if instrument.strip() else ""
-        self._group, self._given = self._columns.instrument(name), self._model.of(name)
-        self._worth: dict[int, tuple[float, float]] = {}
+        if name not in self._instruments:
+            self._instruments[name] = self._columns.instrument(name), self._model.of(name), {}
+        self._group, self._given, self._worth = self._instruments[name]
 
     def set_up(self, index: int, name: str, height: float = 0.0, key: str = "") -> None:
         """The instrument stands on a point now, with a circle of its own.
@@ -161,13 +172,13 @@ class Book:
             return
         set_up.sighted.add(target)
         if sight.direction is not None:
-            self._add(index, HZ, target, sight.direction % FULL_TURN)
+            self._add(set_up, index, HZ, target, sight.direction % FULL_TURN)
         if sight.zenith is not None:
-            self._add(index, ZEN, target, sight.zenith % FULL_TURN)
+            self._add(set_up, index, ZEN, target, sight.zenith % FULL_TURN)
         if sight.slope is not None and sight.slope > 0.0:
-            self._add(index, DIST, target, sight.slope)
+            self._add(set_up, index, DIST, target, sight.slope)
         elif sight.flat is not None and sight.flat > 0.0:
-            self._add(index, DIST_HZ, target, sight.flat)
+            self._add(set_up, index, DIST_HZ, target, sight.flat)
 
     def staff(self, index: int, name: str, reading: float, length: float, *, is_back: bool) -> None:
         """Takes a reading of a levelling staff and its distance (m); a backsight elsewhere begins a turn."""
@@ -245,19 +256,21 @@ class Book:
         self._set_up.reference = None
         if target not in self._set_up.sighted and target != self._set_up.origin and self._set_up.sighted:
             self._set_up.sighted.add(target)
-            self._add(index, HZ, target, reading % FULL_TURN)
+            self._add(self._set_up, index, HZ, target, reading % FULL_TURN)
 
-    def _add(self, index: int, kind: ObservationKind, target: int, value: float) -> None:
-        set_up = self._standing(index)
-        worth = self._worth.get(kind.code)
-        if worth is None:  # looked up once for each instrument
-            relative = self._given.get("distance-ppm", 0.0) if kind in (DIST, DIST_HZ) else 0.0
-            worth = self._worth[kind.code] = self._sigma(index, kind, NAME_OF[kind]), relative
-        sigma, relative = worth
-        lifts = (set_up.height, self.target_height) if kind.code in LIFTED else (0.0, 0.0)
-        station = set_up.station if kind.needs_station else -1
+    def _add(self, set_up: _SetUp, index: int, kind: ObservationKind, target: int, value: float) -> None:
+        sigma, relative, is_lifted, is_turned = self._worth.get(kind.code) or self._look_up(index, kind)
+        lifts = (set_up.height, self.target_height) if is_lifted else (0.0, 0.0)
+        station = set_up.station if is_turned else -1
         places = (kind.code, set_up.origin, target, -1, station, self._group, self._number, index + 1)
-        self._columns.add(places, (value, sigma, relative, *lifts), is_active=True)
+        self._columns.add(places, (value, sigma, relative, *lifts), True)
+
+    def _look_up(self, index: int, kind: ObservationKind) -> _Worth:
+        """What observations of a kind are worth, once for each instrument."""
+        relative = self._given.get("distance-ppm", 0.0) if kind in (DIST, DIST_HZ) else 0.0
+        sigma = self._sigma(index, kind, NAME_OF[kind])
+        found = self._worth[kind.code] = _Worth(sigma, relative, kind.code in LIFTED, kind.needs_station)
+        return found
 
     def _sigma(self, index: int, kind: ObservationKind, name: str) -> float:
         problem = lacking(name, self._given)
@@ -340,7 +353,7 @@ def named(text: str) -> str:
 
 def unfilled(text: str) -> str:
     """A name without the zeros that fill its field."""
-    return named(text.strip().lstrip("0")) or "0"
+    return named(text.lstrip(" 0")) or "0"
 
 
 def from_horizon(angle: float) -> float:

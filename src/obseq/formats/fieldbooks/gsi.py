@@ -31,12 +31,14 @@ SHORT, LONG = 16, 24
 POINT, INSTRUMENT, STATION, CODE, NAME, HEIGHT = "11", "12", "16", "41", "42", "43"
 HORIZONTAL, VERTICAL, SLOPE, FLAT = "21", "22", "31", "32"
 STAFF = "33"
-BACK, FORE, OTHER_STAFFS = ("1", "5"), ("2", "6"), ("0", "3", "4")
-"""Third characters of readings of a levelling staff: backwards, forwards, and those that are no turn."""
+BACK, STAFFS, OTHER_STAFFS = ("1", "5"), ("1", "2", "5", "6"), ("0", "3", "4")
+"""Third characters of readings of a levelling staff: backwards, in both senses, of no turn."""
 TARGET, PLACE = ("81", "82", "83"), ("84", "85", "86")
 TARGET_HEIGHT, INSTRUMENT_HEIGHT = "87", "88"
 LENGTHS = {"0": 1e-3, "1": FOOT * 1e-3, "6": 1e-4, "7": FOOT * 1e-4, "8": 1e-5}
 """Metres in the last digit of a length, by its unit."""
+MILLIMETRE = 1e-3
+"""Heights in codes, which have no units (m)."""
 ANGLES = {"2": math.pi / 200.0 * 1e-5, "3": math.pi / 180.0 * 1e-5, "5": math.pi / 3200.0 * 1e-4}
 """Radians in the last digit of an angle, by its unit."""
 SEXAGESIMAL = "4"
@@ -47,20 +49,15 @@ _SHORT_LINE, _LONG_LINE = (
 )
 
 
-class _Word(NamedTuple):
-    """A word: what its third character says, its unit, and what it holds with its sign."""
-
-    more: str
-    unit: str
-    sign: str
-    text: str
-
-
 class _Block(NamedTuple):
-    """Words by number, and the line (from 0) that the block begins in."""
+    """Words by number, whole as they are written, and the line (from 0) that the block begins in."""
 
     line: int
-    words: dict[str, _Word]
+    words: dict[str, str]
+
+
+UNIT, SIGN, VALUE = 5, 6, 7
+"""Places in a word: of its unit, its sign, and of what it holds."""
 
 
 class _Gsi:
@@ -86,7 +83,7 @@ class _Gsi:
     def _take(self, block: _Block) -> None:
         words, book = block.words, self._book
         if INSTRUMENT in words:
-            book.use(unfilled(words[INSTRUMENT].text))
+            book.use(_text(words[INSTRUMENT]))
         if INSTRUMENT_HEIGHT in words:
             self._height = self._length(block, INSTRUMENT_HEIGHT)
             if book.is_set_up:
@@ -95,77 +92,80 @@ class _Gsi:
             book.target_height = self._length(block, TARGET_HEIGHT)
         if CODE in words:
             if NAME in words and HEIGHT in words and not self._has_stations:
-                self._by_code.append(unfilled(words[NAME].text))
-                height = words[HEIGHT]._replace(unit="0")  # codes have no units: millimetres
-                self._height = self._length(block._replace(words={HEIGHT: height}), HEIGHT)
-                book.set_up(block.line, unfilled(words[NAME].text), self._height)
+                self._by_code.append(_text(words[NAME]))
+                self._height = self._digits(block, HEIGHT) * MILLIMETRE
+                book.set_up(block.line, _text(words[NAME]), self._height)
             return
         if STATION in words and HORIZONTAL not in words:
-            book.set_up(block.line, unfilled(words[STATION].text), self._height)
-        if POINT not in words:
-            return
-        name = unfilled(words[POINT].text)
+            book.set_up(block.line, _text(words[STATION]), self._height)
+        if POINT in words:
+            self._point(block, _text(words[POINT]))
+
+    def _point(self, block: _Block, name: str) -> None:
+        """Takes a block that names a point."""
+        words, book = block.words, self._book
+        staff = words[STAFF][2] if STAFF in words else ""
         if _is_station(block):
             self._keep(block, name, PLACE)
             book.set_up(block.line, name, self._height)
-        elif STAFF in words and words[STAFF].more in (*BACK, *FORE):
+        elif staff in STAFFS:
             distance = self._length(block, FLAT) if FLAT in words else 0.0
-            is_back = words[STAFF].more in BACK
-            book.staff(block.line, name, self._length(block, STAFF), distance, is_back=is_back)
-        elif STAFF in words and words[STAFF].more in OTHER_STAFFS:
+            book.staff(block.line, name, self._length(block, STAFF), distance, is_back=staff in BACK)
+        elif staff in OTHER_STAFFS:
             book.leave_out(block.line, "intermediate readings of a levelling staff")
         elif TARGET[2] in words and TARGET[0] not in words:  # the result of a turn
             book.end_turn()
         elif HORIZONTAL in words or VERTICAL in words:
-            angles = [self._angle(block, word) if word in words else None for word in (HORIZONTAL, VERTICAL)]
-            lengths = [self._length(block, word) if word in words else None for word in (SLOPE, FLAT)]
-            book.sight(block.line, name, Sight(*angles, *lengths))
+            horizontal = self._angle(block, HORIZONTAL) if HORIZONTAL in words else None
+            zenith = self._angle(block, VERTICAL) if VERTICAL in words else None
+            slope = self._length(block, SLOPE) if SLOPE in words else None
+            flat = self._length(block, FLAT) if FLAT in words else None
+            book.sight(block.line, name, Sight(horizontal, zenith, slope, flat))
         if TARGET[0] in words and TARGET[1] in words:
             self._keep(block, name, TARGET)
 
     def _keep(self, block: _Block, name: str, axes: tuple[str, str, str]) -> None:
-        """First values of a point."""
+        """First values of a point; dashes stand for a number that there is not."""
         x, y, z = (
             self._length(block, axis)
-            if axis in block.words and not _is_empty(block.words[axis])
+            if axis in block.words and not block.words[axis].rstrip().endswith("-----")
             else math.nan
             for axis in axes
         )
         self._book.place(block.line, name, (x, y, z))
 
-    def _length(self, block: _Block, word: str) -> float:
+    def _length(self, block: _Block, number: str) -> float:
         """A length in metres."""
-        found = block.words[word]
-        if found.unit not in LENGTHS:
-            raise self._file.error(block.line, f"word {word}: {found.unit!r} is no unit of lengths")
-        return self._digits(block, word) * LENGTHS[found.unit]
+        unit = block.words[number][UNIT]
+        if unit not in LENGTHS:
+            raise self._file.error(block.line, f"word {number}: {unit!r} is no unit of lengths")
+        return self._digits(block, number) * LENGTHS[unit]
 
-    def _angle(self, block: _Block, word: str) -> float:
+    def _angle(self, block: _Block, number: str) -> float:
         """An angle in radians."""
-        found = block.words[word]
-        if found.unit in ANGLES:
-            return self._digits(block, word) * ANGLES[found.unit]
-        if found.unit != SEXAGESIMAL:
-            raise self._file.error(block.line, f"word {word}: {found.unit!r} is no unit of angles")
-        value = self._digits(block, word)
+        unit, value = block.words[number][UNIT], self._digits(block, number)
+        if unit in ANGLES:
+            return value * ANGLES[unit]
+        if unit != SEXAGESIMAL:
+            raise self._file.error(block.line, f"word {number}: {unit!r} is no unit of angles")
         tenths = abs(int(value))
         try:
             angle = of_sixty(tenths // 100_000, tenths // 1000 % 100, tenths % 1000 / 10.0)
         except ValueError as error:
-            raise self._file.error(block.line, f"word {word}: {error}") from error
+            raise self._file.error(block.line, f"word {number}: {error}") from error
         return math.copysign(angle, value)
 
-    def _digits(self, block: _Block, word: str) -> float:
-        found = block.words[word]
-        text = found.text.strip()
+    def _digits(self, block: _Block, number: str) -> float:
+        word = block.words[number]
+        text = word[VALUE:].strip()
         if not (text.isascii() and text.isdigit()):
-            raise self._file.error(block.line, f"word {word}: {text[:20]!r} is no whole number")
-        return float(f"{found.sign}{text}")
+            raise self._file.error(block.line, f"word {number}: {text[:20]!r} is no whole number")
+        return -float(text) if word[SIGN] == "-" else float(text)
 
 
-def _is_empty(word: _Word) -> bool:
-    """Whether dashes stand for a number that there is not."""
-    return word.text.endswith("-----")
+def _text(word: str) -> str:
+    """What a word holds as a name."""
+    return unfilled(word[VALUE:])
 
 
 def _is_station(block: _Block) -> bool:
@@ -186,15 +186,13 @@ def _blocks(file: TextFile) -> Iterator[_Block]:
             place -= (place - is_long) % width
             wrong = text[place : place + width]
             raise file.error(index, f"no word of GSI at character {place - is_long + 1}: {wrong!r}")
-        words: dict[str, _Word] = {}
+        words: dict[str, str] = {}
         for place in range(is_long, len(text), width):
             number = text[place : place + 2]
             if words and number in (POINT, CODE):
                 yield _Block(index, words)
                 words = {}
-            if number not in words:
-                sign, value = text[place + 6], text[place + 7 : place + width - 1]
-                words[number] = _Word(text[place + 2], text[place + 5], sign, value)
+            words.setdefault(number, text[place : place + width])
         if words:
             yield _Block(index, words)
 

@@ -1,7 +1,8 @@
 """Field books of Topcon: GTS-7 (labels and commas; South writes the same) and GTS-210 (a stream of marks).
 
 In GTS-7 the point of a sight (BS, FS, SS) stands before its readings (HV, SD, HD). In GTS-210 `_'` begins a
-station, `_+` a target, `_ ?` its slope distance, vertical and horizontal angle, `_,` its height.
+station, `_+` a target, `_ ?` its slope distance, vertical and horizontal angle, `_ <` its angles with the
+tilt of the instrument, `_,` its height.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ FRAME = "\x02\x03\x04"
 """Marks around what is sent."""
 _COUNTED = re.compile(r"\d{4}\s*")
 """What ends each line of a stream that was sent in several: its number, and a sum to check it."""
-_SIGHT = re.compile(r" (?:\?\+(\d{8})([mf])|<)(\d{7})\+(\d{7})([dg])")
+_SIGHT = re.compile(r" (?:\?\+(\d{8})([mf])|<)(\d{7})\+(\d{7})(?:[+-][*\d]{4})?([dg])")
 THOUSANDTH = 1e-3
 
 
@@ -63,7 +64,7 @@ class _Labels:
                 if x is not None and y is not None and z is not None:
                     self._book.place(index, self._placed, (x, y, z))
             elif label in TARGETS:
-                self._target = named(fields[0])
+                self._placed = self._target = named(fields[0])
                 self._book.target_height = self._length(index, fields, 1) or 0.0
             elif label in READINGS:
                 self._sight(index, label, fields)

@@ -9,17 +9,24 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.stopwatch import Stopwatch
+from obseq.survey.adjustment.computation import Computation
+from obseq.survey.adjustment.joint_groups import joint_groups
+from obseq.survey.adjustment.quality import Examination, Quality
 from obseq.survey.equations.equations import Equations
+from obseq.survey.initial.left_out import Determined
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations as BlockEquations
     from obseq.images.adjustment.start import Start
-    from obseq.leastsquares import LeastSquares, LeastSquaresResult
-    from obseq.survey import InitialValues, Network
+    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult, Reliability
+    from obseq.survey import Adjustment, InitialValues, Network
+
+WHOLE = "part of an adjustment of more than this network: counts, sigma0 and its test are of all of it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +35,12 @@ class JoinedSurvey:
 
     Attributes:
         network: the network.
+        initial: where its points and stations start.
         equations: its part of the system.
     """
 
     network: Network
+    initial: InitialValues
     equations: Equations
 
     def coordinates(self, result: LeastSquaresResult) -> FloatArray:
@@ -44,6 +53,32 @@ class JoinedSurvey:
         for rows, batch in self.equations.batches.values():
             found[rows] = result.residuals(batch)[:, 0]
         return found
+
+    def adjusted(self, result: LeastSquaresResult, tests: Reliability | None) -> Adjustment:
+        """The network as `Network.adjust` gives it, by a solution of the whole system.
+
+        Args:
+            result: with covariances.
+            tests: of all observations of the system; None where they were not made.
+        """
+        network, equations, own = self.network, self.equations, self.batches()
+        if tests is not None:
+            of_network = [part for part in tests.observations if part.source in own]
+            tests = replace(tests, observations=tuple(of_network), constraints=())
+        computation = Computation(
+            network.frame, network.points_crs, network.unit_sigma, 0, 0.0, Stopwatch(), Quality()
+        )
+        start = Determined(network.points, network.book, self.initial)
+        found = computation.described(start, equations, Examination(Quality(), result, tests))
+        return replace(found, phases=network.phases, shown=network.shown, notes=(*found.notes, WHOLE))
+
+    def batches(self) -> list[Batch]:
+        """Of its observations, then of its known coordinates."""
+        return [*(batch for _, batch in self.equations.batches.values()), *self.equations.known.places()]
+
+    def groups(self) -> dict[Batch, list[IntArray]]:
+        """By batch, the observations that are tested as one: vectors, and positions with a covariance."""
+        return joint_groups(self.equations, self.network.book)
 
 
 def with_surveys(networks: Sequence[Network], start: Start) -> tuple[Start, list[InitialValues]]:
@@ -144,7 +179,7 @@ def join_surveys(
         )
         known |= dict(zip(network.points.names, map(int, equations.points), strict=True))
         _tie_cameras(system, network, equations, turned or {})
-        parts.append(JoinedSurvey(network, equations))
+        parts.append(JoinedSurvey(network, found, equations))
     return parts
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from obseq.images.causes.survey_equations import SurveyEquations
 from obseq.images.names import are_among, numbered
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ class Numbering:
     Attributes:
         equations: of the block.
         surveys: networks that share its points.
+        of_surveys: which observation of these an equation is.
         batches: in that order.
         priors: after them.
         image: (m,) image of each image point, a position in the poses of the start.
@@ -70,6 +72,7 @@ class Numbering:
 
     def __init__(self, equations: Equations, surveys: Sequence[JoinedSurvey] = ()) -> None:
         self.equations, self.surveys = equations, tuple(surveys)
+        self.of_surveys = SurveyEquations(self.surveys)
         measures = equations.measures
         sets, none = equations.start.sets, np.zeros(0, np.int64)
         batch, self.control = equations.control

@@ -1,4 +1,4 @@
-"""Single observations of a block that are wrong: image points, control points, and all others."""
+"""Single points of a block that are wrong: image points, control points and their coordinates."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.adjustment.quality import EquationNames
 from obseq.images.causes.cause import Cause, Members
 from obseq.images.causes.coordinates import slips_of_a_coordinate, slips_of_a_point
 from obseq.images.causes.pixels import slips_of_a_pixel
@@ -82,36 +81,5 @@ CONTROL_POINT = Cause(
     _where_of_point,
     _words_of_point,
     slips_of_a_point,
-    is_start=True,
-)
-
-
-def _where_of_other(numbering: Numbering) -> Members:
-    starts, columns, labels = [0], [], []
-    for k, other in enumerate(numbering.others):
-        active = getattr(other.source, "active", np.ones(other.rows, np.bool_))
-        for row in np.flatnonzero(active).tolist():
-            columns.append(other.first + other.width * row + np.arange(other.width))
-            starts.append(starts[-1] + other.width)
-            labels.append((k, row))
-    joined = np.concatenate([np.zeros(0, np.int64), *columns])
-    return Members(np.array(starts), joined, np.array(labels, np.int64).reshape(-1, 2))
-
-
-def _words_of_other(numbering: Numbering, label: tuple[int, ...]) -> str:
-    names = EquationNames(numbering.equations, numbering.surveys)
-    return names.of(numbering.others[label[0]].source, label[1], 0, 0.0).name
-
-
-OTHER = Cause(
-    "I180",
-    "other observation",
-    "A length, an observed pose or a reading of an instrument contradicts the rest.",
-    "A value was mistyped, or belongs to other points.",
-    "Correct the value, or leave it out.",
-    "",
-    0.0,
-    _where_of_other,
-    _words_of_other,
     is_start=True,
 )

@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.diagnosis.verdict import Status
 from obseq.images.causes.images import CAMERA_IMAGES, IMAGE
+from obseq.images.causes.other_observation import OTHER, survey_equation
 from obseq.images.causes.points import CONTROL_COORDINATE, CONTROL_POINT
 from obseq.records.diagnosis import (
     AccusedRecord,
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.diagnosis.verdict import Accusation, Verdict
     from obseq.images.causes.catalogue import Catalogue, Named
+    from obseq.images.causes.survey_equations import SurveyEquation
     from obseq.images.causes.trials import Fit
 
 MOST_NAMED = 3
@@ -62,6 +64,7 @@ def _accused(one: Accusation, catalogue: Catalogue) -> AccusedRecord:
     others = tuple(_suspect(catalogue.named(other.change.index), catalogue) for other in one.others)
     own = _suspect(named, catalogue)
     is_long = named.cause.is_block
+    survey = of_survey(named, catalogue)
     size = () if is_long else tuple(one.change.size.tolist())
     sigma = () if is_long else tuple(one.change.sigma.tolist())
     slips = tuple(SlipRecord(slip.code, slip.text) for slip in one.slips)
@@ -71,10 +74,10 @@ def _accused(one: Accusation, catalogue: Catalogue) -> AccusedRecord:
         own.observations,
         own.points,
         own.images,
-        _text(own.what, one, named, [other.what for other in others]),
+        _text(own.what, one, named, [other.what for other in others], survey),
         size,
         sigma,
-        named.cause.unit,
+        survey.unit if survey else named.cause.unit,
         one.test,
         one.limit,
         others,
@@ -101,7 +104,14 @@ def _suspect(named: Named, catalogue: Catalogue) -> SuspectRecord:
         images = tuple(start.poses.images[row] for row in own)
     else:
         observations = _places(named, catalogue)
+    if survey := of_survey(named, catalogue):
+        return SuspectRecord(survey.code, what)  # rows of a block's result are image points
     return SuspectRecord(named.cause.code, what, observations, points, images)
+
+
+def of_survey(named: Named, catalogue: Catalogue) -> SurveyEquation | None:
+    """The observation of a survey that a hypothesis accuses; None where it is another one."""
+    return survey_equation(catalogue.numbering, named.label) if named.cause is OTHER else None
 
 
 def _places(named: Named, catalogue: Catalogue) -> tuple[PlaceRecord, ...]:
@@ -120,9 +130,11 @@ def _places(named: Named, catalogue: Catalogue) -> tuple[PlaceRecord, ...]:
     return tuple(found)
 
 
-def _text(what: str, one: Accusation, named: Named, others: list[str]) -> str:
+def _text(what: str, one: Accusation, named: Named, others: list[str], survey: SurveyEquation | None) -> str:
     """One error in a sentence or two."""
     size = "" if named.cause.is_block else f" is off by {_sizes(one.change.size, named.cause.unit)}"
+    if survey is not None:
+        size = f" is off by {survey.told(float(one.change.size[0]))}"
     told = "".join(f"; {slip.text}" for slip in one.slips[:1])
     text = f"{what}{size or ' is wrong'}{told}"
     if not others:

@@ -7,7 +7,8 @@ from obseq.images.causes.cameras import FOCAL_LENGTH, HELD_PARAMETER, UNDETERMIN
 from obseq.images.causes.control_sigmas import CONTROL_SIGMAS
 from obseq.images.causes.given_poses import GIVEN_POSES
 from obseq.images.causes.images import CAMERA_IMAGES, IMAGE
-from obseq.images.causes.points import CONTROL_COORDINATE, CONTROL_POINT, IMAGE_POINT, OTHER
+from obseq.images.causes.other_observation import OTHER
+from obseq.images.causes.points import CONTROL_COORDINATE, CONTROL_POINT, IMAGE_POINT
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 
 CAUSES = (

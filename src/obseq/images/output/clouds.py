@@ -11,6 +11,7 @@ from obseq.reading.tables import table_text
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.output.block_record import BundleRecord
 
 CONTROL, TIE, CAMERA = (255, 60, 40), (230, 230, 230), (60, 120, 255)
 """Colours: red, green, blue."""
@@ -99,3 +100,13 @@ def point_table(solution: BundleSolution) -> str:
     counts, values = solution.by_point().counts.tolist(), np.hstack(parts).tolist()
     rows = [(name, *row, n) for name, row, n in zip(solution.points, values, counts, strict=True)]
     return table_text(("point", *names, "rays"), rows)
+
+
+def check_table(record: BundleRecord) -> str:
+    """Check points as a table: differences, adjusted minus given, and their sigmas."""
+    nothing = ("", "", "")
+    rows = [
+        (point.name, *point.residual, *(point.sigmas or nothing), point.n_rays)
+        for point in record.check_points
+    ]
+    return table_text(("point", "dx", "dy", "dz", "sx", "sy", "sz", "rays"), rows)

@@ -2,47 +2,43 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.images.output.arrays import arrays_of, suspected_measures
 from obseq.images.output.page_charts import cameras, frames
+from obseq.images.output.page_findings import findings
 from obseq.images.output.page_plan import plan
-from obseq.images.output.page_tables import tables
-from obseq.images.output.summary import tested
-from obseq.printable import listed
+from obseq.images.output.page_tables import TABLES, names_of, tables
 from obseq.report.head import (
     WORDS,
     Card,
-    Finding,
-    Findings,
+    Head,
     Page,
     Place,
     Section,
     Verdict,
+    about,
     counted,
     gauge,
     joined,
+    page_of,
     shares,
     strip,
 )
-from obseq.report.page import about, document, printed
+from obseq.report.page import document
 from obseq.report.said import name, small
-from obseq.report.units import significant
+from obseq.report.summary import Outcome, listing
+from obseq.report.units import METRIC, significant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.images.output.arrays import BlockArrays
-    from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord
-    from obseq.records.diagnosis import AccusedRecord
+    from obseq.images.output.block_record import BundleRecord
     from obseq.report.head import Level
-
-MOST_NAMES = 8
-STRONG = 0.95
-"""Correlation from which two parameters of a camera are one thing."""
-POOR = 0.1
 
 
 def page(record: BundleRecord) -> str:
@@ -52,20 +48,32 @@ def page(record: BundleRecord) -> str:
 
 def shown(record: BundleRecord) -> Page:
     """All that the page of a block shows."""
-    block = arrays_of(record)
-    lists = _lists(record, block)
-    return Page(
+    block, names = arrays_of(record), names_of(record)
+    return page_of(_head(record, block), names, plan(record, block), tables(record))
+
+
+def outcome(record: BundleRecord) -> Outcome:
+    """A block as reports tell it."""
+    made = partial(tables, record)
+    return Outcome(_head(record, arrays_of(record)), names_of(record), METRIC, tuple(TABLES), made)
+
+
+def text(record: BundleRecord) -> str:
+    """The listing of a block: every finding, fact and table."""
+    return listing(outcome(record))
+
+
+def _head(record: BundleRecord, block: BlockArrays) -> Head:
+    lists = findings(record)
+    return Head(
         "block",
-        f"Block of {counted(len(record.images), 'image')}",
+        "Image block",
         about("Image block", record.run),
         record.run.identifier,
         {"length": "m", "angle": "gon"},
         _verdict(record),
         tuple(_cards(record, block)),
         lists,
-        printed([*(point.name for point in record.points), *(image.name for image in record.images)]),
-        plan(record, block),
-        tables(record),
         tuple(_sections(record, block)),
         None if record.reliability is None else record.reliability.critical,
         lists[0].items[0].to if lists and lists[0].title == "Suspected errors" else None,
@@ -78,9 +86,9 @@ def _verdict(record: BundleRecord) -> Verdict:
         [
             f"{counted(len(record.images), 'image')}, {counted(len(record.cameras), 'camera')}",
             f"{control} control and {len(record.points) - control} tie points",
-            counted(record.n_observations, "equation"),
-            ("" if record.converged else "NOT ")
-            + f"converged after {counted(len(record.iterations), 'iteration')}",
+            f"redundancy {record.redundancy}",
+            ("" if record.converged else "NOT CONVERGED after ")
+            + counted(len(record.iterations), "iteration"),
         ]
     )
     return Verdict(*_judged(record), detail)
@@ -168,19 +176,32 @@ def _cards(record: BundleRecord, block: BlockArrays) -> Iterator[Card]:
 def _sigma0(record: BundleRecord) -> Card:
     test = record.global_test
     if test is None:
-        return Card("sigma0", significant(record.sigma0, 4), note=name(tested(record).strip()))
+        return Card("sigma0", significant(record.sigma0, 4), note=name(untested(record)))
     is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
     tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
     figure = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
+    note, diagnosis = "95 % chi-square interval", record.diagnosis
+    if diagnosis is not None and diagnosis.accused and diagnosis.sigma0 is not None:
+        note = f"{diagnosis.sigma0:.3g} without the suspected errors"
     return Card(
         "sigma0",
         significant(test.sigma0, 4),
         "expected 1",
         tag,
         figure,
-        "95 % chi-square interval",
+        note,
         Place("quality"),
     )
+
+
+def untested(record: BundleRecord) -> str:
+    """Why sigma0 is not tested, and what says in its place whether the sigmas are right."""
+    if record.redundancy <= 0:
+        return "not tested: no redundancy, nothing checks the result"
+    if record.reliability is None:
+        return "not tested: robust weights"
+    spread = record.reliability.largest.spread
+    return f"not tested: robust weights; most residuals are {spread:.3g} times what the sigmas say"
 
 
 def _tests(record: BundleRecord, limit: float) -> Iterator[Card]:
@@ -207,132 +228,6 @@ def _tests(record: BundleRecord, limit: float) -> Iterator[Card]:
         )
 
 
-def _lists(record: BundleRecord, block: BlockArrays) -> tuple[Findings, ...]:
-    accused = () if record.diagnosis is None else record.diagnosis.accused
-    found = (
-        Findings("Suspected errors", tuple(_accused(record, item) for item in accused)),
-        Findings("Worth knowing" if accused else "Look at first", tuple(_others(record, block))),
-    )
-    return tuple(part for part in found if part.items)
-
-
-def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
-    text = item.text[:1].upper() + item.text[1:]
-    if item.others:
-        others = listed([other.what for other in item.others], MOST_NAMES)
-        text = f"{text.rstrip('.')}. Not told apart from: {others}."
-    off = f"T {item.test:.0f}" if item.test else ""
-    rows = [place.row for place in item.observations]
-    points = {point.name: k for k, point in enumerate(record.points)}
-    to = Place("measures", row=rows[0]) if rows else None
-    if to is None and item.points and item.points[0].name in points:
-        to = Place(point=points[item.points[0].name])
-    return Finding(
-        "bad",
-        name(item.what),
-        name(text),
-        off,
-        "",
-        "look at the image or the list, correct it, adjust again. What this means:",
-        f"obseq causes {item.code}",
-        to,
-    )
-
-
-def _others(record: BundleRecord, block: BlockArrays) -> Iterator[Finding]:
-    found = record.diagnosis
-    if found is not None and found.reason:
-        yield Finding(
-            "bad" if found.status != "accepted" else "info",
-            f"Search for errors: {found.status}",
-            name(found.reason),
-        )
-    yield from _lost("Left out", record.left_out, "warn")
-    yield from _lost("Changes nothing", record.unmeasured, "info")
-    yield from _lost("Not in pairs of their rigid blocks", record.unpaired, "warn")
-    if record.behind:
-        names = listed([f"{item.point} in {item.image}" for item in record.behind], MOST_NAMES)
-        yield Finding(
-            "warn",
-            f"{counted(len(record.behind), 'point')} behind the camera",
-            name(f"In the solution: {names}."),
-        )
-    if record.far:
-        yield Finding(
-            "info",
-            f"{counted(len(record.far), 'far point')}",
-            name(f"Their direction is determined, their distance is not: {listed(record.far, MOST_NAMES)}."),
-        )
-    off = [item.name for item in record.check_points if item.is_off]
-    if off:
-        text = "They are farther from where they should be than chance lets them."
-        yield Finding("bad", name(f"Check points off: {listed(off, MOST_NAMES)}"), text)
-    if record.unchecked:
-        yield Finding("warn", "Check points without a place", name(listed(record.unchecked, MOST_NAMES)))
-    if record.weakened:
-        yield Finding(
-            "info",
-            f"{counted(record.weakened, 'image point')} weakened",
-            "They have less than half of their weight.",
-            to=Place("measures", filter="weight<0.5"),
-        )
-    yield from _fit(record)
-    for failure in record.failures:
-        yield Finding("warn", "Warning", name(failure))
-    for note in record.notes:
-        yield Finding("info", "Note", name(note))
-
-
-def _fit(record: BundleRecord) -> Iterator[Finding]:
-    """The worst control point, correlation and image."""
-    control = [(max(map(abs, point.residual)), k) for k, point in enumerate(record.points) if point.residual]
-    if control:
-        size, k = max(control)
-        yield Finding(
-            "info",
-            name(f"Control point {record.points[k].name}"),
-            "Largest difference from its given coordinates.",
-            small(size),
-            to=Place(point=k),
-        )
-    for camera in record.cameras:
-        if camera.correlations and (pair := _strongest(np.array(camera.correlations))):
-            i, j, value = pair
-            first, second = camera.parameters[i].name, camera.parameters[j].name
-            level: Level = "warn" if abs(value) > STRONG else "info"
-            yield Finding(
-                level,
-                name(f"{first} and {second} of {camera.name}"),
-                "Largest correlation of the calibration; beyond 0.95 two parameters are one thing.",
-                f"{value:+.2f}",
-            )
-    if len(record.images) > 1:
-        worst = max(record.images, key=lambda image: image.rms)
-        yield Finding(
-            "info",
-            name(f"Image {worst.name} has the largest residuals"),
-            f"rms {worst.rms:.3g} px of {counted(worst.n_measures, 'image point')}.",
-        )
-
-
-def _lost(title: str, items: tuple[BlockLeftOutRecord, ...], level: Level) -> Iterator[Finding]:
-    """What took no part, one finding for each kind and reason."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for item in items:
-        groups.setdefault((item.kind, item.reason), []).append(item.name)
-    for (kind, reason), names in groups.items():
-        what = f"{title}: {counted(len(names), kind)}"
-        yield Finding(level, name(what), name(f"{listed(names, MOST_NAMES)}: {reason}."))
-
-
-def _strongest(matrix: np.ndarray) -> tuple[int, int, float] | None:
-    lower = np.tril(np.abs(matrix), -1)
-    if not lower.any():
-        return None
-    i, j = np.unravel_index(int(np.argmax(lower)), lower.shape)
-    return int(i), int(j), float(matrix[i, j])
-
-
 def _sections(record: BundleRecord, block: BlockArrays) -> Iterator[Section]:
     marked = suspected_measures(record)
     yield Section("frames", "Image residuals", tuple(frames(record, block, marked)))
@@ -354,9 +249,6 @@ def _facts(record: BundleRecord) -> Iterator[tuple[str, str]]:
         f"{record.n_observations}, unknowns {record.n_unknowns}, redundancy {record.redundancy}",
     )
     yield "sums of squares", ", ".join(f"{kind} {value:.6g}" for kind, value in record.squares.items())
-    yield "sigma0", name(tested(record).strip())
     if record.frame:
         yield "frame", name(record.frame)
     yield "stopped", name(record.stopped)
-    yield from (("warning", name(text)) for text in record.failures)
-    yield from (("note", name(text)) for text in record.notes)

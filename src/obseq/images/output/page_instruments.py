@@ -8,28 +8,16 @@ from obseq.printable import printable_line
 from obseq.report.columns import choice, column, element, table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.images.output.block_record import BundleRecord
     from obseq.report.units import Plain
 
 
-def instrument_tables(record: BundleRecord) -> list[Plain]:
-    """Check points, rigid blocks, clinometers, antennas and shutters; none of what there is not."""
-    made = (
-        *_check_points(record),
-        *_rigid(record),
-        *_clinometers(record),
-        *_antennas(record),
-        *_shutters(record),
-    )
-    return [item for item in made if item]
-
-
-def _check_points(record: BundleRecord) -> list[Plain | None]:
+def _check_points(record: BundleRecord) -> Plain | None:
     found = record.check_points
     if not found:
-        return []
+        return None
     columns = [
         choice("point", [item.name for item in found]),
         column("rays", "count", [item.n_rays for item in found]),
@@ -38,40 +26,43 @@ def _check_points(record: BundleRecord) -> list[Plain | None]:
         choice("verdict", ["off" if item.is_off else "as expected" for item in found]),
     ]
     about = "Adjusted minus given; they take no part in the adjustment."
-    return [table("check-points", "Check points", columns, about=about)]
+    return table("check-points", "Check points", columns, about=about)
 
 
-def _antennas(record: BundleRecord) -> list[Plain | None]:
+def _antennas(record: BundleRecord) -> Plain | None:
     found = record.antennas
     if not found:
-        return []
+        return None
     levers = [
         choice("antenna", [item.name for item in found]),
         *_parts([item.lever_arm for item in found], ("lever x", "y", "z"), "small_length"),
         *_parts([item.lever_sigmas for item in found], ("sx", "sy", "sz"), "small_length"),
         *_parts([item.rms for item in found], ("rms x", "rms y", "rms z"), "small_length"),
     ]
+    about = "Lever arms from the projection centre, in the frame of the camera."
+    return table("antennas", "Antennas", levers, about=about)
+
+
+def _positions(record: BundleRecord) -> Plain | None:
     rows = [
         (item.name, image, part)
-        for item in found
+        for item in record.antennas
         for image, part in zip(item.images, item.residuals, strict=True)
     ]
+    if not rows:
+        return None
     residuals = [
         choice("antenna", [name for name, _, _ in rows]),
         choice("image", [image for _, image, _ in rows]),
         *_parts([part for _, _, part in rows], ("dx", "dy", "dz"), "small_length"),
     ]
-    about = "Lever arms from the projection centre, in the frame of the camera."
-    return [
-        table("antennas", "Antennas", levers, about=about),
-        table("positions", "Positions", residuals, about="Adjusted minus observed."),
-    ]
+    return table("positions", "Positions", residuals, about="Adjusted minus observed.")
 
 
-def _shutters(record: BundleRecord) -> list[Plain | None]:
+def _shutters(record: BundleRecord) -> Plain | None:
     found = record.shutters
     if not found:
-        return []
+        return None
     columns = [
         choice("camera", [item.camera for item in found]),
         column(
@@ -83,15 +74,14 @@ def _shutters(record: BundleRecord) -> list[Plain | None]:
         ),
         column("sigma", "small_number", [item.sigma for item in found], unit="s"),
     ]
-    return [table("shutters", "Rolling shutters", columns)]
+    return table("shutters", "Rolling shutters", columns)
 
 
-def _rigid(record: BundleRecord) -> list[Plain | None]:
-    """Places of cameras in rigid blocks, and residuals of their exposures."""
+def _rigid(record: BundleRecord) -> Plain | None:
+    """Places of cameras in rigid blocks."""
     places = [(block, place) for block in record.rigid_blocks for place in block.places]
-    exposures = [(block, item) for block in record.rigid_blocks for item in block.exposures]
     if not places:
-        return []
+        return None
     first = [
         choice("block", [block.name for block, _ in places]),
         choice("camera", [place.camera for _, place in places]),
@@ -103,6 +93,15 @@ def _rigid(record: BundleRecord) -> list[Plain | None]:
             "small_number",
         ),
     ]
+    about = f"In the frame of {printable_line(record.rigid_blocks[0].master)}; radians."
+    return table("rigid", "Rigid blocks", first, about=about)
+
+
+def _exposures(record: BundleRecord) -> Plain | None:
+    """Residuals of the exposures of rigid blocks."""
+    exposures = [(block, item) for block in record.rigid_blocks for item in block.exposures]
+    if not exposures:
+        return None
     second = [
         choice("block", [block.name for block, _ in exposures]),
         choice("cameras", [f"{item.first}, {item.second}" for _, item in exposures]),
@@ -110,9 +109,7 @@ def _rigid(record: BundleRecord) -> list[Plain | None]:
         *_parts([item.translation for _, item in exposures], ("dx", "dy", "dz"), "small_number"),
         *_parts([item.rotation for _, item in exposures], ("rot x", "rot y", "rot z"), "small_angle"),
     ]
-    about = f"In the frame of {printable_line(record.rigid_blocks[0].master)}; radians."
-    made: list[Plain | None] = [table("rigid", "Rigid blocks", first, about=about), _pairs(record)]
-    return [*made, table("exposures", "Exposures", second)] if exposures else made
+    return table("exposures", "Exposures", second)
 
 
 def _pairs(record: BundleRecord) -> Plain | None:
@@ -129,21 +126,27 @@ def _pairs(record: BundleRecord) -> Plain | None:
     return table("pairs", "Pairs of rigid blocks", columns, about="Over all exposures, per coordinate.")
 
 
-def _clinometers(record: BundleRecord) -> list[Plain | None]:
+def _clinometers(record: BundleRecord) -> Plain | None:
     found = record.clinometers
     if not found:
-        return []
+        return None
     columns = [
         choice("clinometer", [item.name for item in found]),
         *_parts([item.axis for item in found], ("axis x", "axis y", "axis z"), "fine"),
         *_parts([item.correction for item in found], tuple(f"degree {k}" for k in range(4)), "small_number"),
         column("rms", "small_angle", [item.rms for item in found]),
     ]
+    return table("clinometers", "Clinometers", columns)
+
+
+def _readings(record: BundleRecord) -> Plain | None:
     readings = [
         (item.name, image, value)
-        for item in found
+        for item in record.clinometers
         for image, value in zip(item.images, item.residuals, strict=True)
     ]
+    if not readings:
+        return None
     read = [
         choice("clinometer", [name for name, _, _ in readings]),
         choice("image", [image for _, image, _ in readings]),
@@ -155,11 +158,22 @@ def _clinometers(record: BundleRecord) -> list[Plain | None]:
             about="computed minus read",
         ),
     ]
-    return [
-        table("clinometers", "Clinometers", columns),
-        table("readings", "Readings", read, order="residual"),
-    ]
+    return table("readings", "Readings", read, order="residual")
 
 
 def _parts(rows: Sequence[Sequence[float] | None], names: Sequence[str], quantity: str) -> list[Plain]:
     return [element(name, quantity, rows, k) for k, name in enumerate(names)]
+
+
+INSTRUMENT_TABLES: dict[str, Callable[[BundleRecord], Plain | None]] = {
+    "check-points": _check_points,
+    "rigid": _rigid,
+    "pairs": _pairs,
+    "exposures": _exposures,
+    "clinometers": _clinometers,
+    "readings": _readings,
+    "antennas": _antennas,
+    "positions": _positions,
+    "shutters": _shutters,
+}
+"""The tables by name, in the order of the page."""

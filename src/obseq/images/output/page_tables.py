@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from obseq.images.output.page_instruments import instrument_tables
+from obseq.images.output.page_instruments import INSTRUMENT_TABLES
 from obseq.printable import listed, printable_line
 from obseq.report.columns import choice, column, element, table
-from obseq.report.page import printed
-from obseq.report.units import METRIC
-from obseq.report.writer import Writer
+from obseq.report.head import printed
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
     from obseq.images.output.block_record import BundleRecord
     from obseq.report.units import Plain
 
@@ -19,16 +19,15 @@ MOST_NAMES = 4
 """Names of what took no part, by kind and reason."""
 
 
-def tables(record: BundleRecord) -> list[Plain]:
-    """Image points, points, images, parameters of cameras, instruments."""
-    made = (_measures(record), _points(record), _images(record), _parameters(record))
-    return [item for item in (*made, *instrument_tables(record), _tests(record), _without(record)) if item]
+def tables(record: BundleRecord, names: Collection[str] = ()) -> list[Plain]:
+    """Image points, points, images, parameters of cameras, instruments; or the tables of some names."""
+    made = (of(record) for name, of in TABLES.items() if not names or name in names)
+    return [item for item in made if item]
 
 
-def writer(record: BundleRecord) -> Writer:
-    """What writes these tables as text: in metres, gon and pixels."""
-    names = [*(point.name for point in record.points), *(image.name for image in record.images)]
-    return Writer(printed(names), METRIC)
+def names_of(record: BundleRecord) -> list[str]:
+    """Names of points and images, by the numbers that tables hold."""
+    return printed([*(point.name for point in record.points), *(image.name for image in record.images)])
 
 
 def _measures(record: BundleRecord) -> Plain | None:
@@ -230,3 +229,15 @@ def _without(record: BundleRecord) -> Plain | None:
     ]
     count = sum(len(names) for names in groups.values())
     return table("without", f"Without part ({count})", columns)
+
+
+TABLES: dict[str, Callable[[BundleRecord], Plain | None]] = {
+    "measures": _measures,
+    "points": _points,
+    "images": _images,
+    "parameters": _parameters,
+    **INSTRUMENT_TABLES,
+    "tests": _tests,
+    "without": _without,
+}
+"""The tables by name, in the order of the page."""

@@ -26,18 +26,18 @@ class ConstrainedSolver:
 
     Args:
         substitution: gives T at the current values.
-        name: name of the solver of the substituted systems.
-        threads: how many it may use.
+        choose: gives the solver of the substituted systems, from their pattern.
     """
 
     name = "constrained"
 
     def __init__(
-        self, substitution: Callable[[], Substitution], name: str = "auto", threads: int = 1
+        self,
+        substitution: Callable[[], Substitution],
+        choose: Callable[[SymmetricPattern], Solver] = choose_solver,
     ) -> None:
         self._present = substitution
-        self._name = name
-        self._threads = threads
+        self._choose = choose
         self._substitution: Substitution | None = None
         self._kept: IntArray = np.zeros(0, dtype=np.int64)
 
@@ -60,7 +60,7 @@ class ConstrainedSolver:
         """Takes T, and analyses anew."""
         self._substitution, self._kept, self._matrix = substitution, substitution.kept, substitution.matrix
         self._map_entries(substitution)
-        self._inner: Solver = choose_solver(self._inner_pattern, self._name, threads=self._threads)
+        self._inner: Solver = self._choose(self._inner_pattern)
         self._inner.analyse(self._inner_pattern)
 
     def _map_entries(self, substitution: Substitution) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.iterations.arrival import sizes_of
-from obseq.leastsquares.iterations.curvature import curvature_of
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
 from obseq.leastsquares.iterations.newton import NewtonStep, factor, factor_unexplained, newton_step
 from obseq.leastsquares.iterations.trials import Trial
@@ -70,7 +69,7 @@ class DampedPath:
         self._is_new = True
         self._stepped: NewtonStep | None = None
         self._reach = np.inf
-        self._curvature = None if is_bold else curvature_of(equations)
+        self._curvature = None if is_bold else _curvature_of(equations)
         self._is_bent = False
         self._solve: Callable[[FloatArray], FloatArray] = solver.solve
         self.is_bold = is_bold
@@ -272,3 +271,9 @@ class DampedPath:
             promised += linearisation.damping * float(np.sum(weights * np.square(step.move)))
         is_full = self._is_least and not self._is_bent and self._share == 1.0
         return Trial(step.move, step.length, self._norm, promised, is_full, linearisation, self._share)
+
+
+def _curvature_of(equations: NormalEquations) -> Curvature | None:
+    from obseq.leastsquares.iterations.curvature import curvature_of
+
+    return curvature_of(equations)

@@ -242,12 +242,12 @@ class DatumSolver:
         weak, (held, self._wanted) = self._weak(), self._holds()
         loose = weak[:, : self._n_held]
         _fixed(loose)
-        weak = np.hstack([weak, held])
         if self._held is None:
-            self._hold(values, weak)
+            self._hold(values, weak, held)
         else:
             self._solver.factor(self._regularised(values))
-        kernel = np.where(self._chosen[:, None], self._kernel_of(values, weak.shape[1]), 0.0)
+        count = held.shape[1] + weak.shape[1]
+        kernel = np.where(self._chosen[:, None], self._kernel_of(values, count), 0.0)
         _fixed(kernel)
         self._datum, pulls = np.hstack([loose, kernel, held]), self._pulls(values)
         self._border = Border.of(self._solver, pulls, self._datum, self._seen) if pulls.size else None
@@ -293,14 +293,17 @@ class DatumSolver:
         """(n, k) orthonormal basis of what the datum takes away."""
         return np.linalg.qr(self.motions)[0]
 
-    def _hold(self, values: FloatArray, weak: FloatArray) -> None:
-        """Factors with as many unknowns held as directions are weak, and as many more as a kernel is left.
+    def _hold(self, values: FloatArray, weak: FloatArray, constraints: FloatArray) -> None:
+        """Factors with an unknown held for each constraint and weak direction, and for what kernel is left.
 
         Where the matrix has weak directions too, rounding hides a part of its kernel until the rest is held.
         Of all unknowns those are held that tell weak directions, or vectors of the kernel, best apart: what
-        has little part in them would leave pivots that are made of rounding.
+        has little part in them would leave pivots that are made of rounding. A constraint holds what it
+        moves most, however little the matrix sees of that.
         """
-        first = self._apart(values, weak)
+        ruled = leading_rows(constraints, constraints.shape[1])
+        rest = weak - constraints @ np.linalg.solve(constraints[ruled], weak[ruled])
+        first = np.concatenate([ruled, self._apart(values, rest)])
         held: IntArray = np.zeros(0, dtype=np.int64)
         while True:
             self._held = np.concatenate([first, held])
@@ -328,17 +331,21 @@ class DatumSolver:
         return self._apart(values, vectors) if vectors.shape[1] == len(lost) else lost
 
     def _regularised(self, values: FloatArray) -> FloatArray:
-        """The matrix with the diagonal entries of the held unknowns doubled."""
+        """The matrix with weights added to the diagonal entries of the held unknowns."""
         regular = np.array(values)
-        regular[self._diagonal()] += self._weights(values)
+        regular[self._pattern_analysed.diagonal[self._held_unknowns]] += self._weights(values)
         return regular
 
     def _weights(self, values: FloatArray) -> FloatArray:
-        diagonal = values[self._diagonal()]
-        return np.where(diagonal > 0.0, diagonal, 1.0)
+        """What holds the held unknowns: as much again as equations do.
 
-    def _diagonal(self) -> IntArray:
-        return self._pattern_analysed.diagonal[self._held_unknowns]
+        What a constraint holds may be seen by next to nothing, and rounding is a share of M^-1. So it is held
+        as firmly as what the datum's equations see best.
+        """
+        diagonal = values[self._pattern_analysed.diagonal]
+        weights = diagonal[self._held_unknowns]
+        weights[: len(self._wanted)] = diagonal[self._chosen].max(initial=0.0)
+        return np.where(weights > 0.0, weights, 1.0)
 
     @property
     def _pattern_analysed(self) -> SymmetricPattern:

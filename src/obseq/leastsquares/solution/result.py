@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import field
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -233,6 +232,8 @@ class LeastSquaresResult:
 
     def to_json(self) -> str:
         """The same as JSON text, floats at full precision."""
+        import json
+
         return json.dumps(self.to_dict(), ensure_ascii=False, allow_nan=False, indent=1)
 
     def unknowns(self, package: str | None = None) -> Any:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import ctypes
 import importlib
 import importlib.util
-from contextlib import contextmanager
-from functools import lru_cache
+import os
+from contextlib import contextmanager, suppress
+from functools import cache, lru_cache
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -42,6 +43,9 @@ lapack = Instruction("obseq.leastsquares.solvers.fortran_calls", "lapack")
 address_of = Instruction("obseq.leastsquares.solvers.fortran_calls", "address_of")
 
 POTRF, POTRI, TRSM, SYRK, SYMM, GEMM, TRSV, GEMV, POTRS = range(len(ROUTINES))
+
+
+Threads: TypeAlias = "tuple[Callable[[], int], Callable[[int], None]]"
 
 
 @lru_cache(maxsize=1)
@@ -110,31 +114,48 @@ def _address(module: Any, name: str) -> int:
 @lru_cache(maxsize=1)
 def _library() -> ctypes.CDLL | None:
     """SciPy's own OpenBLAS, in which integers have 32 bits; None if it has another BLAS."""
-    return _own_library("scipy", "scipy_dpotrs_")
+    file = _own_library("scipy")
+    library = ctypes.CDLL(str(file)) if file else None
+    with _Held.lock:
+        if _Held.blocks:
+            _Held.hold_loaded()
+    return library
 
 
-def _own_library(package: str, function: str) -> ctypes.CDLL | None:
-    """The OpenBLAS that a package brings with it, if it has a function of that name."""
+@cache
+def _own_library(package: str) -> Path | None:
+    """The file of the OpenBLAS that a package brings with it."""
     spec = importlib.util.find_spec(package)
     for folder in map(Path, (spec and spec.submodule_search_locations) or ()):
         for place in (folder.parent / f"{package}.libs", folder / ".dylibs", folder / ".libs"):
             for library in sorted(place.glob("libscipy_openblas*")):
-                loaded = ctypes.CDLL(str(library))
-                if hasattr(loaded, function):
-                    return loaded
+                return library
     return None
 
 
-@lru_cache(maxsize=1)
-def _thread_functions() -> tuple[tuple[Callable[[], int], Callable[[int], None]], ...]:
-    """What gets and sets the number of threads of each OpenBLAS that SciPy and NumPy bring with them."""
-    found = []
+@cache
+def _threads_of(file: Path, ending: str) -> Threads:
+    """What gets and sets the number of threads of an OpenBLAS.
+
+    Raises:
+        OSError: it is not loaded.
+    """
+    library = ctypes.CDLL(str(file), os.RTLD_NOLOAD)
+    get, put = (f"scipy_openblas_{what}_num_threads{ending}" for what in ("get", "set"))
+    return getattr(library, get), getattr(library, put)
+
+
+def loaded() -> dict[str, Threads]:
+    """What gets and sets the number of threads of each OpenBLAS that SciPy and NumPy bring with them.
+
+    Of those that are loaded: loading SciPy's takes 20 ms, and small systems never call it.
+    """
+    found = {}
     for package, ending in (("scipy", ""), ("numpy", "64_")):
-        get, put = (f"scipy_openblas_{what}_num_threads{ending}" for what in ("get", "set"))
-        library = _own_library(package, put)
-        if library is not None:
-            found.append((getattr(library, get), getattr(library, put)))
-    return tuple(found)
+        if file := _own_library(package):
+            with suppress(OSError):
+                found[package] = _threads_of(file, ending)
+    return found
 
 
 class _Held:
@@ -142,7 +163,22 @@ class _Held:
 
     lock = Lock()
     blocks = 0
-    before: tuple[int, ...] = ()
+    before: ClassVar[dict[str, int]] = {}
+
+    @classmethod
+    def hold_loaded(cls) -> None:
+        """Keeps those at one thread that are loaded and not kept yet."""
+        for package, (get, put) in loaded().items():
+            if package not in cls.before:
+                cls.before[package] = get()
+                put(1)
+
+    @classmethod
+    def let_go(cls) -> None:
+        """Gives all of them their numbers of threads back."""
+        for package, number in cls.before.items():
+            loaded()[package][1](number)
+        cls.before.clear()
 
 
 let_go_at_fork(_Held.lock)
@@ -158,10 +194,7 @@ def one_blas_thread() -> Iterator[None]:
     Where a package is built on another library (a distribution's, Apple's) that library's setting holds.
     """
     with _Held.lock:
-        if not _Held.blocks:
-            _Held.before = tuple([get() for get, _ in _thread_functions()])
-            for _, put in _thread_functions():
-                put(1)
+        _Held.hold_loaded()
         _Held.blocks += 1
     try:
         yield
@@ -169,5 +202,4 @@ def one_blas_thread() -> Iterator[None]:
         with _Held.lock:
             _Held.blocks -= 1
             if not _Held.blocks:
-                for (_, put), number in zip(_thread_functions(), _Held.before, strict=True):
-                    put(number)
+                _Held.let_go()

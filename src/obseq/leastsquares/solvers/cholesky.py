@@ -59,6 +59,7 @@ class SupernodalCholesky(BaseSolver):
         self._wanted = checked_ordering(ordering)
         self._threads = threads
         self._last: IntArray = np.array(last, dtype=np.int64).reshape(-1)
+        self._schur: FloatArray | None = None
         if np.any(np.diff(np.sort(self._last)) == 0):
             raise InputError("`last` names an unknown twice")
 
@@ -83,7 +84,7 @@ class SupernodalCholesky(BaseSolver):
         self._workspace = np.empty(self._schedule.shared_room + self._threads * self._schedule.update_room)
         self._scratch = np.empty((self._threads, int(np.max(structure.width, initial=0)) ** 2))
         self._pivots = np.empty(pattern.n)
-        self._schur = np.empty((0, 0))
+        self._schur = None
 
     def _factor(self, values: FloatArray, tolerance: float) -> Defect:
         self._factor_until(values, tolerance)
@@ -91,9 +92,11 @@ class SupernodalCholesky(BaseSolver):
             self._factor_last(tolerance)
         return self._defect_before(self.pattern.n, tolerance)
 
-    def _factor_until(self, values: FloatArray, tolerance: float) -> None:
+    def _factor_until(self, values: FloatArray, tolerance: float, diagonal: FloatArray | None = None) -> None:
         """Factors all supernodes but that of the last unknowns, which is assembled."""
         schedule = self._schedule
+        measure = values[self.pattern.diagonal] if diagonal is None else diagonal
+        self._pivots[:] = measure[self._structure.unknowns]
 
         def run(nodes: IntArray, worker: int) -> None:
             factor_nodes(
@@ -159,7 +162,7 @@ class SupernodalCholesky(BaseSolver):
         if not len(self._last):
             raise SolverStateError("eliminate: name the unknowns to be kept, SupernodalCholesky(last=...)")
         self.invalidate()
-        self._schur = np.empty((0, 0))
+        self._schur = None
         count = self.pattern.n - len(self._last)
         for tolerance in (SUSPICIOUS, 0.0):
             self._factor_until(values, tolerance)
@@ -173,10 +176,43 @@ class SupernodalCholesky(BaseSolver):
                 break
         self._schur = self._last_block().copy()
 
+    def eliminate_replacing(self, values: FloatArray, tolerance: float, diagonal: FloatArray) -> Defect:
+        """`eliminate` for one who examines the whole of which this is a part, and who may name no `last`.
+
+        Args:
+            values: (nnz,) entries of the matrix.
+            tolerance: pivots that are not above this share are replaced.
+            diagonal: (n,) what they are a share of: the diagonal entries of the whole.
+
+        Returns:
+            The pivots that were replaced, and the least of the others.
+        """
+        values = self.checked(values)
+        self.invalidate()
+        self._schur = None
+        self._factor_until(values, tolerance, diagonal)
+        self._schur = self._last_block().copy() if len(self._last) else np.empty((0, 0))
+        return self._defect_before(self.pattern.n - len(self._last), tolerance)
+
+    def schur_columns(self) -> FloatArray:
+        """(k (k + 1) / 2,) lower triangle of `schur_complement`, column by column, of ascending `last`."""
+        schur = self._eliminated()
+        columns = [schur[k:, k] for k in range(len(schur))]
+        return np.concatenate(columns) if columns else np.zeros(0)
+
+    def take_factor(self) -> FloatArray:
+        """The factor of what was eliminated; it leaves the solver, whose copies are small then."""
+        panels, self._panels, self._schur = self._panels, np.empty(0), None
+        return panels[: self._structure.panel_at[self._stop]]
+
+    def put_factor(self, panels: FloatArray | None = None) -> None:
+        """Gives it back; room for another when None."""
+        self._panels = np.empty(self._structure.panel_at[-1]) if panels is None else panels
+        self._schur = np.empty((0, 0))
+
     def schur_complement(self) -> FloatArray:
         """(k, k) matrix of the system that remains for the unknowns `last`, in their order."""
-        self._require_elimination()
-        lower = np.tril(self._schur)
+        lower = np.tril(self._eliminated())
         place = self._last_places
         return (lower + np.tril(lower, -1).T)[np.ix_(place, place)]
 
@@ -189,29 +225,31 @@ class SupernodalCholesky(BaseSolver):
         """Right-hand side (k,) or (k, m) of the system that remains, from that of all unknowns."""
         right, x = self._permuted(rhs)
         self._sweep(substitute_forward, x, self._stop)
-        return x[:, -len(self._last) :].T[self._last_places].reshape(-1, *right.shape[1:])
+        return x[:, self.pattern.n - len(self._last) :].T[self._last_places].reshape(-1, *right.shape[1:])
 
     def expand(self, rhs: ArrayLike, last_solution: ArrayLike) -> FloatArray:
         """Solution (n,) or (n, m) for all unknowns, from the right-hand side and the solution for `last`."""
         right, x = self._permuted(rhs)
         self._sweep(substitute_forward, x, self._stop)
-        known = np.asarray(last_solution, dtype=np.float64).reshape(len(self._last), -1)
-        x[:, -len(self._last) :] = known[np.argsort(self._last)].T
+        known = np.asarray(last_solution, dtype=np.float64).reshape(len(self._last), len(x))
+        x[:, self.pattern.n - len(self._last) :] = known[np.argsort(self._last)].T
         self._sweep(substitute_backward, x, self._stop)
         return self._unpermuted(x).reshape(right.shape)
 
     def expand_inverse(self, last_inverse: FloatArray) -> FloatArray:
         """(nnz,) selected inverse, from the inverse (k, k) of the whole system for the unknowns `last`."""
-        self._require_elimination()
+        self._eliminated()
         order = np.argsort(self._last)
         return self._invert(self._stop, np.asarray(last_inverse, dtype=np.float64)[np.ix_(order, order)])
 
-    def _require_elimination(self) -> None:
-        if not self._schur.size:
+    def _eliminated(self) -> FloatArray:
+        """(k, k) lower triangle of what remains, in the order of the elimination."""
+        if self._schur is None:
             raise SolverStateError(f"{self.name}: call eliminate(values) first")
+        return self._schur
 
     def _permuted(self, rhs: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        self._require_elimination()
+        self._eliminated()
         right = np.asarray(rhs, dtype=np.float64)
         return right, np.ascontiguousarray(right.reshape(self.pattern.n, -1)[self._structure.unknowns].T)
 

@@ -134,7 +134,7 @@ def count_rows(
 
 
 def supernodes(
-    parent: IntArray, counts: IntArray, weights: IntArray, has_last: bool
+    parent: IntArray, counts: IntArray, weights: IntArray, n_last: int
 ) -> tuple[IntArray, IntArray]:
     """Gathers postordered vertices in supernodes: equal structures, then small losses.
 
@@ -142,15 +142,13 @@ def supernodes(
         parent: (n,) parents in the elimination tree.
         counts: (n,) unknowns in each column.
         weights: (n,) unknowns of each vertex.
-        has_last: the last vertex stays alone.
+        n_last: so many vertices at the end stay apart from the others, together.
 
     Returns:
         (n,) supernode of each vertex, and (n_supernodes,) parent of each; parents have higher numbers.
     """
     node, tree = np.full((2, len(parent)), -1)
-    kept = gather_vertices(
-        parent, counts, weights, has_last, node, tree, np.zeros((8, len(parent)), np.int64)
-    )
+    kept = gather_vertices(parent, counts, weights, n_last, node, tree, np.zeros((8, len(parent)), np.int64))
     return node, tree[:kept].copy()
 
 
@@ -159,7 +157,7 @@ def gather_vertices(
     parent: IntArray,
     counts: IntArray,
     weights: IntArray,
-    has_last: bool,
+    n_last: int,
     node: IntArray,
     tree: IntArray,
     room: IntRows,
@@ -173,8 +171,8 @@ def gather_vertices(
             n_children[parent[v]] += 1
     m = 0
     for v in range(n):
-        joins = v > 0 and parent[v - 1] == v and n_children[v] == 1 and not (has_last and v == n - 1)
-        if not (joins and counts[v - 1] == counts[v] + weights[v - 1]):
+        joins = v > 0 and parent[v - 1] == v and n_children[v] == 1 and v < n - n_last
+        if not ((joins and counts[v - 1] == counts[v] + weights[v - 1]) or v > n - n_last):
             m += 1
             width[m - 1] = 0
         s = m - 1
@@ -185,7 +183,7 @@ def gather_vertices(
     for s in range(m):
         into[s], head[s], following[s] = s, -1, -1
         above[s] = node[above[s]] if above[s] >= 0 else -1
-    absorbed = absorb(above, width, below, into, head, following, m, m - 1 if has_last else m)
+    absorbed = absorb(above, width, below, into, head, following, m, m - 1 if n_last else m)
     # Chains of absorptions end in the supernode that stays; number those that stay.
     kept = m - absorbed
     at = kept

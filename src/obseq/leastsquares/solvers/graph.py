@@ -47,17 +47,17 @@ class Grouping:
 
     Attributes:
         vertex: (n,) int64, the vertex of each unknown.
-        graph: the graph of the vertices. Edges of the last vertex may be repeated when `has_last`.
-        has_last: the last vertex gathers the unknowns that must be eliminated last.
+        graph: the graph of the vertices.
+        n_last: how many vertices at the end must be eliminated last, each of one unknown.
     """
 
     vertex: IntArray
     graph: Graph
-    has_last: bool
+    n_last: int
 
 
 def group_indistinguishable(pattern: SymmetricPattern, last: IntArray) -> Grouping:
-    """Merges unknowns that have the same neighbours, themselves included, and all of `last`.
+    """Merges unknowns that have the same neighbours, themselves included; those of `last` stay alone.
 
     Equal sets are recognised by the sum of one random number of 64 bits per neighbour.
     """
@@ -65,18 +65,18 @@ def group_indistinguishable(pattern: SymmetricPattern, last: IntArray) -> Groupi
     indices = pattern.indices.astype(np.int32, copy=False)
     signatures = keys[:-1].copy()
     sum_keys(pattern.indptr, indices, keys, signatures)
-    signatures[last] = keys[-1]
+    signatures[last] = np.random.default_rng(1).integers(0, 2**64, len(last), dtype=np.uint64)  # unlike all
     _, leaders, groups = np.unique(signatures, return_index=True, return_inverse=True)
-    if len(last):
-        leaders[groups[last[0]]] = pattern.n  # numbered after all others
-    order = np.argsort(leaders)
+    rank = leaders.copy()
+    rank[groups[last]] += pattern.n  # numbered after all others, in their order
+    order = np.argsort(rank)
     vertex = np.argsort(order)[groups]
     is_read = np.zeros(pattern.n + 1, dtype=np.bool_)
     is_read[leaders] = True
     is_read[last] = True
     weights = np.bincount(vertex, minlength=len(leaders)).astype(np.int64)
     start, neighbours = quotient_edges(pattern.indptr, indices, vertex, is_read, len(leaders))
-    return Grouping(vertex, Graph(start, neighbours, weights), len(last) > 0)
+    return Grouping(vertex, Graph(start, neighbours, weights), len(last))
 
 
 @compiled

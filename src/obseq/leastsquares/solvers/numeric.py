@@ -56,7 +56,7 @@ def factor_nodes(
         panels: the factor, filled.
         workspace: update matrices.
         scratch: room for the square of the widest supernode.
-        pivots: (n,) pivots divided by the diagonal entries, filled.
+        pivots: (n,) diagonal entries of the matrix; pivots divided by them are filled in.
         tolerance: a relative pivot that is not above it has vanished and is replaced.
         stop: supernodes from this one on are assembled, but not factored.
         addresses: of the BLAS and LAPACK routines.
@@ -73,8 +73,6 @@ def factor_nodes(
             panels[k] = 0.0
         for e in range(structure.entry_at[s], structure.entry_at[s + 1]):
             panels[panel + structure.target[e]] = values[structure.entry[e]]
-        for j in range(width):
-            pivots[start[s] + j] = panels[panel + j * (front + 1)]
         for c in children:
             rows = relative[below_at[c] : below_at[c + 1]]
             child = update_at[c] if is_shared[c] else update_at[c] + room

@@ -48,11 +48,11 @@ def _has_metis() -> bool:
 
 
 def elimination_order(grouping: Grouping, ordering: str) -> IntArray:
-    """(n_vertices,) vertices in the order of their elimination, the vertex kept for the end last."""
+    """(n_vertices,) vertices in the order of their elimination, those kept for the end last."""
     graph = grouping.graph
     if ordering == "natural":
         return np.arange(graph.n)
-    kept_out = np.arange(graph.n - 1, graph.n) if grouping.has_last else np.empty(0, dtype=np.int64)
+    kept_out = np.arange(graph.n - grouping.n_last, graph.n)
     peeled, remaining, rest = peel(graph, kept_out)
     inner = (by_metis if ordering == "metis" else by_minimum_degree)(rest)
     return np.concatenate([peeled, remaining[inner], kept_out])

@@ -70,7 +70,7 @@ def analyse_pattern(pattern: SymmetricPattern, ordering: str, last: IntArray) ->
     """The structure of the factor for one of `ordering.ORDERINGS`, the unknowns `last` eliminated last."""
     grouping = group_indistinguishable(pattern, last)
     graph = grouping.graph
-    order, node, tree = _supernodal_order(graph, elimination_order(grouping, ordering), grouping.has_last)
+    order, node, tree = supernodal_order(graph, elimination_order(grouping, ordering), grouping.n_last)
     place = np.argsort(order)
     rows_at, vertex_rows = row_structure(graph.start, graph.neighbours, order, place, node, tree)
     first = np.concatenate([[0], np.cumsum(graph.weights[order])])
@@ -78,7 +78,7 @@ def analyse_pattern(pattern: SymmetricPattern, ordering: str, last: IntArray) ->
     below_at, rows = expand_rows(rows_at, vertex_rows, first)
     children_at, children = _children(tree)
     relative = relative_rows(tree, children_at, children, start, below_at, rows)
-    unknowns = _unknowns_in_order(grouping, place)
+    unknowns = unknowns_in_order(grouping, place)
     entry_at, entry, target = scatter_map(
         pattern.indptr,
         pattern.indices.astype(np.int32, copy=False),
@@ -106,16 +106,21 @@ def analyse_pattern(pattern: SymmetricPattern, ordering: str, last: IntArray) ->
     )
 
 
-def _supernodal_order(graph: Graph, order: IntArray, has_last: bool) -> tuple[IntArray, IntArray, IntArray]:
+def supernodal_order(graph: Graph, order: IntArray, n_last: int) -> tuple[IntArray, IntArray, IntArray]:
     """Vertices reordered, those of a supernode together; the supernode of each; parents of supernodes."""
     place = np.argsort(order)
     parent = elimination_tree(graph.start, graph.neighbours, order, place)
+    if n_last:  # a chain of all of them, on which whatever reaches them hangs
+        first = graph.n - n_last
+        parent[:first] = np.minimum(parent[:first], first)
+        parent[first:-1] = np.arange(first + 1, graph.n)
+        parent[-1] = -1
     post = postorder(parent, np.zeros(graph.n, np.int64))
     parent = _renumbered(parent, post)
     order = order[post]
     place = np.argsort(order)
     counts = column_counts(graph.start, graph.neighbours, order, place, parent, graph.weights)
-    node, tree = supernodes(parent, counts, graph.weights[order], has_last)
+    node, tree = supernodes(parent, counts, graph.weights[order], n_last)
     post = postorder(tree, np.bincount(node, minlength=len(tree)))
     node = np.argsort(post)[node]
     together = np.argsort(node, kind="stable")
@@ -135,7 +140,8 @@ def _children(tree: IntArray) -> tuple[IntArray, IntArray]:
     return np.cumsum(counts) - counts[0], children[counts[0] :]
 
 
-def _unknowns_in_order(grouping: Grouping, place: IntArray) -> IntArray:
+def unknowns_in_order(grouping: Grouping, place: IntArray) -> IntArray:
+    """(n,) unknowns in the order of elimination, from the places of the vertices."""
     return np.argsort(place[grouping.vertex], kind="stable")
 
 

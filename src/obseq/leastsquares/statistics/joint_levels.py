@@ -16,6 +16,7 @@ from obseq.leastsquares.statistics.distributions import (
     beta_above,
     bisected,
     chi_square_tails,
+    crossing,
     non_central_above,
 )
 from obseq.leastsquares.statistics.hypothesis_tests import (
@@ -45,7 +46,7 @@ def joint_critical(level: float, power: float, degrees: int) -> float:
     if degrees == 1:
         return normal_critical(level) ** 2
     shift = non_centrality(level, power) ** 2
-    return bisected(lambda x: non_central_above(x, degrees, shift) > power, 0.0, 4.0 * (shift + degrees))
+    return crossing(lambda x: non_central_above(x, degrees, shift) - power, 0.0, 4.0 * (shift + degrees))
 
 
 @lru_cache

@@ -99,7 +99,7 @@ def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) 
     return AdjustedQuality(
         None if whole is None else _numbers([of_observations(equations, whole, name, n) for name in NAMES]),
         None if whole is None else _known(whole),
-        None if whole is None else _levels(whole),
+        None if whole is None else levels_of(whole),
         np.zeros(n, np.bool_),
         _components(found),
         None if found.relative is None else tuple(_relative(found)),
@@ -131,7 +131,8 @@ def _known(whole: Reliability) -> ReliabilityNumbers | None:
     return _numbers([np.concatenate([numbers(part, name) for part in parts]) for name in NAMES])
 
 
-def _levels(whole: Reliability) -> ReliabilityRecord:
+def levels_of(whole: Reliability) -> ReliabilityRecord:
+    """The levels behind tests, and how many there are."""
     tau = whole.tau_critical
     return ReliabilityRecord(
         level=whole.level,

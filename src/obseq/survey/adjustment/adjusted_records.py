@@ -141,6 +141,11 @@ def by_type(fit: Fit) -> tuple[StatisticsRecord, ...]:
         for k in members:
             found[k] = structs.replace(found[k], sigma_factor=None)
         found.append(whole)
+    return tested_types(found)
+
+
+def tested_types(found: Sequence[StatisticsRecord]) -> tuple[StatisticsRecord, ...]:
+    """Types with the limits of the factors of their sigmas, so that any is beyond them at one level."""
     count = sum(_is_tested(record) for record in found)
     return tuple(_tested(record, _TYPES_LEVEL / count) if _is_tested(record) else record for record in found)
 

@@ -29,7 +29,7 @@ from obseq.survey.initial.left_out import Determined, leave_out
 if TYPE_CHECKING:
     from obseq import crs
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares import Blocks, LeastSquaresResult
     from obseq.records.adjustment import DoubtfulRecord
     from obseq.stopwatch import Stopwatch
     from obseq.survey.equations.equations import Equations
@@ -38,11 +38,15 @@ if TYPE_CHECKING:
     from obseq.survey.model import Points
 
 
-def equations_of(frame: Frame, system: PointSystem, start: Determined) -> Equations:
-    """The equations of what is determined, in a frame."""
+def equations_of(
+    frame: Frame, system: PointSystem, start: Determined, blocks: Blocks | None = None
+) -> Equations:
+    """The equations of what is determined, in a frame; solved in blocks, or at once when None."""
+    from obseq.leastsquares import LeastSquares
     from obseq.survey.equations.equations import Equations
 
-    return Equations(frame, system, start.points, start.book, start.initial)
+    solved = LeastSquares(blocks or "auto")
+    return Equations(frame, system, start.points, start.book, start.initial, solved)
 
 
 def replaced_coordinates(
@@ -86,6 +90,7 @@ class Computation:
         watch: Times the phases, and tells of progress.
         quality: What is wanted beside residuals and precisions.
         strategy: How the iterations move.
+        blocks: How it is solved in blocks; None for at once.
     """
 
     frame: Frame
@@ -96,6 +101,7 @@ class Computation:
     watch: Stopwatch
     quality: Quality
     strategy: str = "controlled"
+    blocks: Blocks | None = None
 
     def plain(self) -> Computation:
         """The same with nothing beside residuals and precisions."""
@@ -176,7 +182,7 @@ class Computation:
 
     def _equations(self, start: Determined) -> Equations:
         with self.watch.phase("equations"):
-            return equations_of(self.frame, self.point_system, start)
+            return equations_of(self.frame, self.point_system, start, self.blocks)
 
     def _was_determined(self, start: Determined, error: ObseqError) -> bool:
         """Whether what an error names was determined where the iterations started: they have gone astray."""
@@ -190,7 +196,7 @@ class Computation:
         except SingularSystemError:
             return False
         rows = np.array([row for row, name in enumerate(start.points.names) if name in lost], np.intp)
-        covariances = _covariances(solution, equations.points[rows], a_priori=True)
+        covariances = covariances_of(solution, equations.points[rows], a_priori=True)
         precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
         return bool((precisions < nearest_sights(start.book, start.initial.coordinates, rows)).all())
 
@@ -204,7 +210,7 @@ class Computation:
                 raise weak
             found = Examination(found.wanted, replace(found.solution, weak=weak))
         with self.watch.phase("results"):
-            adjustment = self._adjustment(start, equations, found)
+            adjustment = self.described(start, equations, found)
             adjustment = adjustment.doubting(_doubtful(start, adjustment)).failing(_withheld(weak))
         if self.quality.inner:
             with self.watch.phase("inner constraints"):
@@ -219,7 +225,9 @@ class Computation:
         """The adjustment with precisions of inner constraints; with a warning where there are none."""
         in_frame = PointSystem(self.frame.system, self.frame.system)
         try:
-            found = inner_covariances(partial(equations_of, self.frame, in_frame), start, equations)
+            found = inner_covariances(
+                partial(equations_of, self.frame, in_frame, blocks=self.blocks), start, equations
+            )
         except SingularSystemError as error:
             return replace(adjustment, warnings=(*adjustment.warnings, str(error)))
         return adjustment.with_inner(found)
@@ -235,14 +243,16 @@ class Computation:
             "strategy": self.strategy,
         }
 
-    def _adjustment(self, start: Determined, equations: Equations, found: Examination) -> Adjustment:
+    def described(self, start: Determined, equations: Equations, found: Examination) -> Adjustment:
+        """What a solution of the equations says of a network, which may be part of a larger system."""
         book, solution, quality = start.book, found.solution, adjusted_quality(equations, start.book, found)
         coordinates = solution.values(equations.points)
         residuals, sigmas = equations.fitted(solution)
+        covariances = covariances_of(solution, equations.points, found.a_priori)
         undetermined = free_motions(equations, start.points.names)
         return Adjustment(
             solution=solution,
-            points=self._points(start, coordinates, _covariances(solution, equations.points, found.a_priori)),
+            points=self.placed(start.points, coordinates, covariances),
             stations=_stations(start, equations.instrument_rotations(solution)),
             book=book,
             residuals=residuals,
@@ -268,12 +278,13 @@ class Computation:
             undetermined=undetermined,
         )
 
-    def _points(self, start: Determined, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:
-        given, axes, _ = self.point_system.coordinates_and_axes(coordinates, start.points.names)
+    def placed(self, points: Points, coordinates: FloatArray, covariances: FloatArray) -> AdjustedPoints:
+        """Points at coordinates (n, 3) in the frame, with their covariances, in their system too."""
+        given, axes, _ = self.point_system.coordinates_and_axes(coordinates, points.names)
         turned = axes @ covariances @ axes.transpose(0, 2, 1)
         precisions = np.sqrt(np.maximum(np.diagonal(turned, axis1=1, axis2=2), 0.0))
-        given, precisions = (np.where(start.points.is_invented, np.nan, part) for part in (given, precisions))
-        return AdjustedPoints(start.points, coordinates, covariances, given, precisions)
+        given, precisions = (np.where(points.is_invented, np.nan, part) for part in (given, precisions))
+        return AdjustedPoints(points, coordinates, covariances, given, precisions)
 
 
 def _doubtful(start: Determined, adjustment: Adjustment) -> tuple[DoubtfulRecord, ...]:
@@ -298,7 +309,7 @@ def _loose_motions(
     """The error of a singular system where only the curvature of the Earth says where points are."""
     if start.points.in_datum.any() or not solution.n_unknowns:
         return None
-    covariances = _covariances(solution, equations.points, a_priori=True)
+    covariances = covariances_of(solution, equations.points, a_priori=True)
     precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
     if precisions.max() > UNDETERMINED * size_of(solution.values(equations.points)):
         return loose_error(equations.system, equations.points)
@@ -316,7 +327,7 @@ def _lost_points(
 ) -> SingularSystemError | None:
     """The error of a singular system for points less precise than their sights are long."""
     rows = np.flatnonzero(start.points.is_free.any(axis=1))
-    covariances = _covariances(solution, equations.points[rows], a_priori=True)
+    covariances = covariances_of(solution, equations.points[rows], a_priori=True)
     precisions = np.sqrt(np.trace(covariances, axis1=1, axis2=2))
     lost = rows[precisions > nearest_sights(start.book, solution.values(equations.points), rows)]
     if not lost.size:
@@ -345,7 +356,7 @@ def _stations(start: Determined, rotations: FloatArray) -> AdjustedStations:
     )
 
 
-def _covariances(solution: LeastSquaresResult, ids: IntArray, a_priori: bool) -> FloatArray:
+def covariances_of(solution: LeastSquaresResult, ids: IntArray, a_priori: bool) -> FloatArray:
     """(n, 3, 3) covariances of points; 0 where all of them are held, NaN where they are withheld."""
     if not solution.n_unknowns or solution.weak is not None:
         return np.full((len(ids), 3, 3), 0.0 if solution.weak is None else np.nan)

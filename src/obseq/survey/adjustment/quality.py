@@ -9,16 +9,9 @@ import numpy as np
 from obseq.arguments import NOTHING, NUMBER, TRUTH, Expected, require
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.leastsquares.statistics.effects import effects_of_biases
 from obseq.leastsquares.statistics.ellipses import ErrorEllipses, relative_precision
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
 from obseq.leastsquares.statistics.reliability import reliability
-from obseq.leastsquares.statistics.variance_components import (
-    EXACT_LIMIT,
-    Method,
-    group_components,
-    variance_components,
-)
 from obseq.survey.adjustment.joint_groups import joint_groups
 
 if TYPE_CHECKING:
@@ -160,6 +153,8 @@ def examine(
 
 def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects]:
     """What the detectable bias of each observation does to the points, by the identity of its batch."""
+    from obseq.leastsquares.statistics.effects import effects_of_biases
+
     batches = [batch for _, batch in equations.batches.values()]
     return {id(batch): effects_of_biases(quality, batch, equations.points) for batch in batches}
 
@@ -170,12 +165,15 @@ def _components(equations: Equations, book: FieldBook, solving: Mapping[str, Any
             "variance components: some sigmas have a part relative to the distance, which no factor holds; "
             "give absolute sigmas, or --ignore relative-sigmas"
         )
+    from obseq.leastsquares.statistics import variance_components as engine
+
     system = equations.system
-    is_large = system.n_unknowns > EXACT_LIMIT
-    return variance_components(
+    groups = list(dict.fromkeys(batch.group for _, batch in equations.batches.values()))
+    is_large = system.n_unknowns > engine.EXACT_LIMIT
+    return engine.variance_components(
         system,
-        group_components(system, list(dict.fromkeys(batch.group for _, batch in equations.batches.values()))),
-        method=Method.REDUNDANCY if is_large else Method.LS_VCE,
+        engine.group_components(system, groups),
+        method=engine.Method.REDUNDANCY if is_large else engine.Method.LS_VCE,
         solve_options=solving,
     )
 

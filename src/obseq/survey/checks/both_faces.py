@@ -89,20 +89,22 @@ def reduced_faces(book: FieldBook, faces: str = MEAN) -> FieldBook:
 def _second_directions(book: FieldBook, directions: BoolArray, turned: BoolArray) -> BoolArray:
     """(n,) which directions are of the second face."""
     rows = book.observations
-    zeniths = np.flatnonzero(rows.types == ZEN.code).tolist()
+    columns = (rows.file_indices, rows.lines, rows.from_points, rows.to_points)
+    lines = list(zip(*(column.tolist() for column in columns), strict=True))
     on_lines: dict[tuple[int, ...], list[bool]] = defaultdict(list)
-    for row in zeniths:
-        on_lines[_line(book, row)].append(bool(turned[row]))
+    for row in np.flatnonzero(rows.types == ZEN.code).tolist():
+        on_lines[lines[row]].append(bool(turned[row]))
     met: dict[tuple[int, ...], int] = defaultdict(int)
     second = np.zeros(len(rows), np.bool_)
     sights: dict[tuple[int, int], list[int]] = defaultdict(list)
     known: dict[int, bool] = {}
+    stations = rows.stations.tolist()
     for row in np.flatnonzero(directions).tolist():
-        line = _line(book, row)
+        line = lines[row]
         if faces := on_lines.get(line):  # a line of a stream holds several sights of a target
             second[row] = known[row] = faces[min(met[line], len(faces) - 1)]
             met[line] += 1
-        sights[int(rows.stations[row]), int(rows.to_points[row])].append(row)
+        sights[stations[row], line[-1]].append(row)
     apart: dict[int, list[int]] = defaultdict(list)
     for alike in sights.values():
         for row in alike[1:]:
@@ -113,23 +115,18 @@ def _second_directions(book: FieldBook, directions: BoolArray, turned: BoolArray
     return second
 
 
-def _line(book: FieldBook, row: int) -> tuple[int, int, int, int]:
-    """What angles of one sight have in common where a line holds them both."""
-    rows = book.observations
-    ends = int(rows.from_points[row]), int(rows.to_points[row])
-    return (int(rows.file_indices[row]), int(rows.lines[row]), *ends)
-
-
 def _pairs(book: FieldBook, chosen: BoolArray, second: BoolArray) -> _Pairs:
     """The n-th sight of a target in the first face with the n-th in the second one, set-up by set-up."""
     rows = book.observations
     sights: dict[tuple[float, ...], tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
     correlated = {row for cluster in book.clusters for row in cluster.rows.tolist()}
-    for row in np.flatnonzero(chosen).tolist():
+    columns = (rows.stations, rows.from_points, rows.to_points, rows.from_heights, rows.to_heights, second)
+    taken = np.flatnonzero(chosen)
+    for row, *sight, face in zip(
+        taken.tolist(), *(column[taken].tolist() for column in columns), strict=True
+    ):
         if row not in correlated:
-            heights = rows.from_heights[row], rows.to_heights[row]
-            ends = rows.stations[row], rows.from_points[row], rows.to_points[row]
-            sights[(*ends, *heights)][int(second[row])].append(row)
+            sights[tuple(sight)][face].append(row)
     pairs = np.array([pair for faces in sights.values() for pair in zip(*faces, strict=False)], np.int64)
     first, last = pairs.reshape(-1, 2).T
     halves = (np.remainder(rows.values[last] - rows.values[first] + math.pi, FULL_TURN) - math.pi) / 2.0

@@ -11,7 +11,6 @@ from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.verdict import Status
 from obseq.records.diagnosis import DiagnosisRecord
-from obseq.survey.diagnosing.rewritings import best_rewriting
 from obseq.survey.diagnosing.words import accused, rewriting_record
 
 if TYPE_CHECKING:
@@ -73,6 +72,8 @@ def record_of(
     found = search.at_first()
     if found is not None:
         return Diagnosis(found, model, units).record()
+    from obseq.survey.diagnosing.rewritings import best_rewriting
+
     trial = best_rewriting(model, begin, is_many=search.count > policy.few)
     rest = None if trial is None else Diagnosis(diagnose(trial.model, policy), trial.model, units).record()
     if trial is None or rest is None:

@@ -18,7 +18,6 @@ from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, Catalogue
 from obseq.survey.causes.effects import Effects
 from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.set_ups import INSTRUMENT_HEIGHT, TARGET_HEIGHT
-from obseq.survey.causes.slips import Evidence, slips_of
 from obseq.survey.equations.kept_equations import KeptEquations
 from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.unknowns import State
     from obseq.report.units import Units
     from obseq.survey.causes.cause import KnownCause
+    from obseq.survey.causes.slips import Evidence
     from obseq.survey.equations.equations import Equations
     from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.initial.left_out import Determined
@@ -209,10 +209,14 @@ class NetworkModel:
         """The slips that may be behind an error."""
         if self._evidence is None or self._evidence[0] is not place:
             self._evidence = place, self._evidence_at(place)
+        from obseq.survey.causes.slips import slips_of
+
         return slips_of(self.catalogue.named(change.index), change, self._evidence[1])
 
     def _evidence_at(self, place: Place) -> Evidence:
         """What observations should have been at a place."""
+        from obseq.survey.causes.slips import Evidence
+
         equations = self._at(self.given, place)
         equations.follow(equations.system, 0)
         residuals, _ = equations.fitted(equations.system)

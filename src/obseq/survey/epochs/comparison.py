@@ -138,6 +138,7 @@ class Comparison:
             obstacles=self.obstacles,
             reservations=(*self.reservations, *reservations(self.epochs, trusted=trusted)),
             units=self.epochs[0].shown or METRIC,
+            incomplete=tuple(number for number, epoch in enumerate(self.epochs, 1) if not epoch.is_whole),
         )
 
     @property

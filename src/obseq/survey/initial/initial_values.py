@@ -27,7 +27,6 @@ from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
-from obseq.survey.initial.best_position import along_plumb_line
 from obseq.survey.initial.known import Known, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile, verticals_of_stations
@@ -314,6 +313,8 @@ def _take_heights(placement: Placement) -> None:
     for point, hint in placement.hints.items():
         position = known.positions[point]
         if position is not None and not known.has_height[point] and known.point_steps[point] is not GIVEN:
+            from obseq.survey.initial.best_position import along_plumb_line
+
             known.positions[point] = along_plumb_line(known, position, hint)
             known.has_height[point] = 1
             lifted.append(point)

@@ -3,12 +3,13 @@
 Two points are enough: from them the others are placed as from known points. Where no distance is measured,
 the first one is said to be `UNIT` long. Slope distances alone say nothing of the vertical: a third point
 in a triangle with the two makes the plane of height 0, and a fourth one says which side of it is up.
+Where all set-ups are tilted sub-frames, the network is in the axes of the one that sees most.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
 
 UNIT = 100.0
 """Metres between the first two points of a network without any distance."""
-_USED = (Start.HZ, Start.ANGLE, Start.ZENITH, Start.FLAT, Start.DISTANCE, Start.RISE)
+_AXES = (Start.DX, Start.DY, Start.DZ)
+_USED = (Start.HZ, Start.ANGLE, Start.ZENITH, Start.FLAT, Start.DISTANCE, Start.RISE, *_AXES)
 
 
 class _Sight(NamedTuple):
@@ -47,7 +50,7 @@ def placed_in_own_frame(points: Points, book: FieldBook) -> tuple[Points, str] |
     measured = _measured(book)
     sight = _first_sight(measured)
     if sight is None:
-        return None
+        return _in_axes_of_tilted(points, book)
     length = _length(measured, sight)
     azimuth = measured[Start.HZ].get(sight, 0.0)
     coordinates = points.coordinates.copy()
@@ -71,6 +74,30 @@ def placed_in_own_frame(points: Points, book: FieldBook) -> tuple[Points, str] |
             f". No distance is measured: {origin} - {target} is taken as {UNIT:g} m, its scale says nothing"
         )
     return replace(points, coordinates=coordinates), told
+
+
+def _in_axes_of_tilted(points: Points, book: FieldBook) -> tuple[Points, str] | None:
+    """The points in the axes of the tilted set-up that gives most of them three components."""
+    seen: dict[int, dict[_Sight, dict[Start, float]]] = defaultdict(lambda: defaultdict(dict))
+    for start, sight, value, station in _rows(book, is_tilted=True):
+        if start in _AXES:
+            seen[station][sight].setdefault(start, value)
+    places = [
+        {sight: [axes[axis] for axis in _AXES] for sight, axes in sights.items() if len(axes) == len(_AXES)}
+        for sights in seen.values()
+    ]
+    most = max(places, key=len, default={})
+    if not most:
+        return None
+    coordinates = points.coordinates.copy()
+    origin = next(iter(most)).origin
+    coordinates[origin] = 0.0
+    for sight, place in most.items():
+        coordinates[sight.target] = place
+    return replace(points, coordinates=coordinates), (
+        f"no point has coordinates: the network is placed in the axes of {points.names[origin]}, a set-up "
+        "that is not plumb; its datum is that of inner constraints"
+    )
 
 
 def _corners(measured: dict[Start, dict[_Sight, float]], coordinates: FloatArray, base: _Sight) -> list[int]:
@@ -131,20 +158,29 @@ def _apex(ends: FloatArray, lengths: Sequence[float | None]) -> _Apex | None:
 
 
 def _measured(book: FieldBook) -> dict[Start, dict[_Sight, float]]:
-    """The first value of each sort between two points."""
+    """The first value of each sort between two points; components in a plumb sub-frame are polar sights."""
     found: dict[Start, dict[_Sight, float]] = {start: {} for start in _USED}
-    for start, sight, value in _rows(book):
+    for start, sight, value, _ in _rows(book):
         found[start].setdefault(sight, value)
+    for sight, x in found[Start.DX].items():
+        if (y := found[Start.DY].get(sight)) is not None:
+            found[Start.HZ].setdefault(sight, math.atan2(x, y))
+            found[Start.FLAT].setdefault(sight, math.hypot(x, y))
+    for sight, rise in found[Start.DZ].items():
+        found[Start.RISE].setdefault(sight, rise)
     return found
 
 
-def _rows(book: FieldBook) -> Iterator[tuple[Start, _Sight, float]]:
+def _rows(book: FieldBook, *, is_tilted: bool = False) -> Iterator[tuple[Start, _Sight, float, int]]:
+    """What is observed on tilted set-ups, or everything else."""
     rows = book.observations
-    columns = (rows.types, rows.from_points, rows.to_points, rows.values, rows.active)
-    for code, origin, target, value, active in zip(*(column.tolist() for column in columns), strict=True):
+    free = np.append(book.stations.orientations == Orientation.BASC, False)
+    chosen = np.flatnonzero(rows.active & (free[rows.stations] == is_tilted))
+    columns = (rows.types, rows.from_points, rows.to_points, rows.values, rows.stations)
+    for code, origin, target, value, station in zip(*(c[chosen].tolist() for c in columns), strict=True):
         start = BY_CODE[code].start
-        if active and start in _USED and origin != target:
-            yield start, _Sight(origin, target), value
+        if start in _USED and origin != target:
+            yield start, _Sight(origin, target), value, station
 
 
 def _first_sight(measured: dict[Start, dict[_Sight, float]]) -> _Sight | None:

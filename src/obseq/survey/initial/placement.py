@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.survey.initial.best_position import BestPosition, Fit, averaged, best_height, best_position
 from obseq.survey.initial.orienting import orient
 from obseq.survey.initial.polar_sights import LARGEST_SIGMA, PolarSights
 from obseq.survey.initial.relations import collect, station_g0s
@@ -24,6 +23,7 @@ from obseq.survey.sights.sights import Step, step_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from obseq.survey.initial.best_position import BestPosition, Fit
     from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
     from obseq.survey.sights.sight_graph import SightGraph
@@ -323,6 +323,8 @@ class Placement:
         cached = self.best_positions.get(point)
         if cached is not None and _says_the_same(cached, level.strength, hint):
             return cached[1]
+        from obseq.survey.initial.best_position import best_height, best_position
+
         relations = collect(self.known, self.graph, point, self.allowed)
         position, sigmas = self.known.positions[point], self.graph.sigmas
         if position is not None:
@@ -336,6 +338,8 @@ class Placement:
         """The fit to everything that agrees with it; a height alone stays as it is."""
         if self.known.positions[point] is not None:
             return fit
+        from obseq.survey.initial.best_position import averaged
+
         relations = collect(self.known, self.graph, point, self.allowed)
         return averaged(self.known, relations, self.graph.sigmas, fit)
 

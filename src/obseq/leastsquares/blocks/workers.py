@@ -1,0 +1,81 @@
+"""Who does the tasks: this process, a pool, or Dask, which gives those of a lost worker to another one."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+from typing import TYPE_CHECKING
+
+from obseq.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from obseq.leastsquares.blocks.files import Value
+
+
+class Workers:
+    """Executes tasks.
+
+    Args:
+        client: None for this process, the number of workers to be started on this machine, the address of a
+            scheduler, a `distributed.Client`, or an executor of `concurrent.futures`.
+        memory: bytes of each worker that is started; None for no limit.
+
+    Attributes:
+        count: how many workers there are; 0 for this process.
+
+    Raises:
+        InputError: it is none of them, or Dask is not installed.
+    """
+
+    def __init__(self, client: Value, memory: int | None) -> None:
+        self._ends: list[Value] = []
+        if isinstance(client, int) and not isinstance(client, bool):
+            client = self._started(client, memory)
+        elif isinstance(client, str):
+            client = self._own(_dask().Client(client))
+        self.count, self._executor = 0, None
+        if isinstance(client, Executor):
+            self.count, self._executor = int(getattr(client, "_max_workers", 1)), client
+        elif hasattr(client, "get_executor"):
+            self.count = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+            self._executor = client.get_executor(pure=False)
+        elif client is not None:
+            raise InputError(f"blocks: a Dask client, its address or an executor is wanted, not {client!r}")
+
+    @property
+    def at_once(self) -> int:
+        """How many tasks are given away before one is waited for."""
+        return 2 * self.count if self.count else 1
+
+    def submit(self, function: Callable[..., Value], *arguments: Value) -> Future[Value]:
+        """Gives a task away; does it where nobody else is there."""
+        if self._executor is not None:
+            return self._executor.submit(function, *arguments)
+        done: Future[Value] = Future()
+        done.set_result(function(*arguments))
+        return done
+
+    def close(self) -> None:
+        """Ends the workers that were started."""
+        while self._ends:
+            self._ends.pop().close()
+
+    def _own(self, thing: Value) -> Value:
+        self._ends.append(thing)
+        return thing
+
+    def _started(self, count: int, memory: int | None) -> Value:
+        dask = _dask()
+        cluster = dask.LocalCluster(
+            n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=memory or 0
+        )
+        return self._own(dask.Client(self._own(cluster)))
+
+
+def _dask() -> Value:
+    try:
+        import distributed
+    except ImportError:
+        raise InputError('workers need Dask: pip install "obseq[dask]"') from None
+    return distributed

@@ -1,1 +1,0 @@
-"""Networks larger than a machine: adjusted in Helmert blocks, a tree of eliminations for any executor."""

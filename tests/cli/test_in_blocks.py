@@ -1,0 +1,72 @@
+"""`obseq adjust --memory` and its kin: the results of one machine, and what is told."""
+
+import json
+
+import numpy as np
+import pytest
+
+from obseq.cli.main import main
+
+TOLD = ("run", "phases")
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A folder with a network of distances, which is the current folder."""
+    rng = np.random.default_rng(4)
+    grid = np.stack(np.meshgrid(np.arange(10), np.arange(10)), axis=-1).reshape(-1, 2) * 50.0
+    true = np.column_stack([grid, rng.uniform(0.0, 80.0, len(grid))])
+    known = {0, 9, 90, 99}
+    points = [
+        f"{int(k in known)} P{k} {x:.4f} {y:.4f} {z:.4f}{' 0.001' if k in known else ''}"
+        for k, (x, y, z) in enumerate(true.tolist())
+    ]
+    lengths = np.linalg.norm(true[:, None] - true, axis=2)
+    near = [(a, b) for a in range(100) for b in range(a) if lengths[a, b] < 140.0]
+    sights = [f"3 P{a} P{b} {lengths[a, b] + rng.normal(0.0, 0.002):.5f} 0.002" for a, b in near]
+    (tmp_path / "site.cor").write_text("\n".join(points) + "\n", encoding="utf-8")
+    (tmp_path / "site.obs").write_text("\n".join(sights) + "\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def results(name):
+    """Numbers of a result file, and everything else."""
+    record = json.loads((name).read_text("utf-8"))
+    return list(leaves({key: value for key, value in record.items() if key not in TOLD}))
+
+
+def leaves(thing):
+    """All values, in order."""
+    if isinstance(thing, dict | list):
+        for value in thing.values() if isinstance(thing, dict) else thing:
+            yield from leaves(value)
+    else:
+        yield thing
+
+
+def test_the_results_are_those_of_one_machine(site, capsys):
+    assert main(["adjust", "site.obs", "site.cor", "--json", "whole.json"]) == 0
+    summary = capsys.readouterr()
+    options = ["--memory", "4GB", "--work", "work"]
+    assert main(["adjust", "site.obs", "site.cor", "--json", "parts.json", *options]) == 0
+    told = capsys.readouterr()
+    assert told.out.replace("parts.json", "whole.json").splitlines()[:6] == summary.out.splitlines()[:6]
+    assert "blocks: 300 unknowns are solved whole, which memory suffices for" in told.err
+    assert not list((site / "work").iterdir())
+    for one, other in zip(results(site / "whole.json"), results(site / "parts.json"), strict=True):
+        assert one == (pytest.approx(other, rel=1e-9, abs=1e-9) if isinstance(other, float) else other)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--resume"], "--resume goes with --memory, --workers or --scheduler"),
+        (["--memory", "much"], "is no size of memory"),
+        (["--memory", "1MB"], "give more memory"),
+        (["--memory", "1GB", "--resume"], "name the folder of the run that was stopped"),
+    ],
+)
+def test_options_that_cannot_be_followed(site, capsys, options, told):
+    assert main(["adjust", "site.obs", "site.cor", *options]) == 2
+    assert told in capsys.readouterr().err
