@@ -9,7 +9,7 @@ from obseq.formulas.backward import BACKWARD
 from obseq.formulas.base import Formula
 from obseq.formulas.beside import BESIDE
 from obseq.formulas.bundles import BUNDLES
-from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
+from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoNeedle, ClinoRot
 from obseq.formulas.colinearity import COLINEARITIES
 from obseq.formulas.distortion import DISTORTIONS
 from obseq.formulas.drone import DRONE
@@ -100,6 +100,7 @@ REGISTRY: tuple[Formula, ...] = (
     VNormOrthog(),
     ClinoInBlock(0, 3),
     ClinoBloc(),
+    ClinoNeedle(),
     ClinoRot(),
     EqLidarImPonct(),
     EqLidarImPonctPose(),

@@ -17,7 +17,7 @@ from obseq.formulas.blocks import (
     Vector,
     norm,
 )
-from obseq.formulas.functions import Scalar, cos, let, sin
+from obseq.formulas.functions import Scalar, angle_difference, atan2, cos, let, sin
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,30 @@ class ClinoBloc(Formula):
         down = let("down", boresight @ (camera.rotation.inverse() @ vertical))
         horizontal = let("horizontal", norm(Point2(down.x, down.y)))
         return down.x / horizontal - cos(angle), down.y / horizontal - sin(angle)
+
+
+class ClinoNeedle(Formula):
+    """Clinometer fixed to a camera, a pendulum: direction of the vertical in its plane, in one equation.
+
+    Residual: `atan2(v_y, v_x) - C`, radians, wrapped, with the downward vertical `v = B (R^T Vert)` of
+    `ClinoBloc`, whose two residuals are of one reading. Undefined where the vertical is the third axis of the
+    clinometer.
+    """
+
+    source = "Definition"
+    typical: ClassVar = {"angle": (0.0, 3.0), "vertical": (0.5, 0.4)}
+
+    def residual(
+        self,
+        boresight: Annotated[Rotation, "W1", "mB"],
+        rotation: Annotated[Rotation, "WA", "mR"],
+        *,
+        vertical: Annotated[Point3, "mVert_0_0", "mVert_0_1", "mVert_0_2", Unit("")],
+        angle: Annotated[Angle, "C"],
+    ) -> Scalar:
+        """The angle computed, from x towards y of the clinometer, minus that observed."""
+        down = let("down", boresight @ (rotation.inverse() @ vertical))
+        return angle_difference(atan2(down.y, down.x), angle)
 
 
 class ClinoRot(Formula):

@@ -8,7 +8,7 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 os.environ.setdefault("HYPOTHESIS_NO_PLUGINS", "1")  # whose import takes as long again
@@ -59,17 +59,6 @@ def pytest_collection_finish() -> None:
     """What is there when tests begin stays to the end: nobody need look whether it is garbage."""
     gc.freeze()
     gc.enable()
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtestloop(session: pytest.Session) -> Generator[None, object, object]:
-    """Kernels that any test compiles need not be compiled again to see whether they are vectorised."""
-    if hands_out(session.config):
-        return (yield)
-    from vectorised import judging  # with numba, which what only hands tests to workers need not load
-
-    with judging(session.config):
-        return (yield)
 
 
 def hands_out(config: pytest.Config) -> bool:

@@ -1,16 +1,21 @@
-"""Whether kernels are vectorised: judged when a kernel is compiled for a test, whichever it is, and kept."""
+"""Whether kernels are vectorised: judged when they change, and written down by what their code depends on.
 
+A kernel that was found vectorised stays so until its text, the compiler, the kind of processor or the rules
+change. So the suite judges what `codegen/vectorised.txt` does not have. Write it anew after kernels changed:
+
+    python tests/vectorised.py
+"""
+
+import hashlib
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+import sys
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
 
-import pytest
-
-from obseq.compilation import cache, numba_compiler
+from obseq.compilation import host
 from obseq.compilation.digests import Function
-from obseq.compilation.signatures import Signature
 
 SCALAR = re.compile(
     r"= (?:tail )?(?:f(?:add|sub|mul|div|neg|rem) [^<\n]*\bdouble\b|load double|call [^<\n]*\bdouble @)"
@@ -18,6 +23,8 @@ SCALAR = re.compile(
 PACKED = re.compile(r"= f\w+ [^\n]*<\d+ x double>")
 
 RULES = f"{SCALAR.pattern} {PACKED.pattern}"
+RECORD = Path(__file__).with_name("codegen") / "vectorised.txt"
+DIGITS = 16
 
 
 def is_vectorised(kernel: Function, code: str) -> bool:
@@ -27,36 +34,53 @@ def is_vectorised(kernel: Function, code: str) -> bool:
     return not SCALAR.search(code) and (not computes or PACKED.search(code) is not None)
 
 
+def state() -> str:
+    """What compiles here, and for which kind of processor."""
+    return " ".join([*(f"{name} {version(name)}" for name in ("numba", "llvmlite")), host.description()])
+
+
+@cache
+def recorded() -> frozenset[str]:
+    """What was found vectorised by these versions for this kind of processor."""
+    first, *digests = RECORD.read_text("utf-8").splitlines() if RECORD.is_file() else ("",)
+    return frozenset(digests if first == state() else ())
+
+
+SEEN: set[str] = set()
+"""What this process has found vectorised, or written down as that."""
+
+
 @dataclass(frozen=True)
 class Verdicts:
-    """Kernels found vectorised by some rules, as these versions compile them for this processor."""
+    """Symbols of machine code found vectorised by some rules."""
 
-    kept: Any
     rules: str = RULES
+    known: frozenset[str] = field(default_factory=recorded)
 
     def __contains__(self, symbol: str) -> bool:
-        return self.kept is not None and self.kept.get(self._place(symbol), "") == self.rules
+        is_known = self._digest(symbol) in self.known
+        if is_known:
+            self.add(symbol)
+        return is_known
 
     def add(self, symbol: str) -> None:
-        if self.kept is not None:
-            self.kept.set(self._place(symbol), self.rules)
+        SEEN.add(self._digest(symbol))
 
-    def _place(self, symbol: str) -> str:
-        return f"obseq/vectorised/{cache.folder().name}/{symbol}"
+    def _digest(self, symbol: str) -> str:
+        return hashlib.sha256(f"{symbol} {self.rules}".encode()).hexdigest()[:DIGITS]
 
 
-@contextmanager
-def judging(config: pytest.Config) -> Iterator[None]:
-    """Inside, kernels of formulas that tests make numba compile are judged on the way."""
-    usual, verdicts = numba_compiler.optimised, Verdicts(getattr(config, "cache", None))
+def main() -> int:
+    """Judges what is new, and writes down all that is found vectorised now."""
+    import pytest
+    import vectorised  # the module that the tests see
 
-    def optimised(function: Function, signature: Signature, symbol: str, machine: Any) -> Any:
-        module = usual(function, signature, symbol, machine)
-        is_formula = numba_compiler.is_kernel(signature) and "OPERATIONS" in function.python.__globals__
-        if is_formula and is_vectorised(function, str(module)):
-            verdicts.add(symbol)
-        return module
+    tests = [RECORD.parent / "test_vectorisation.py", RECORD.parents[1] / "kernels" / "test_functions.py"]
+    code = pytest.main(["-q", "-k", "vectorised", *map(str, tests)])
+    if code == 0:
+        RECORD.write_text("\n".join([state(), *sorted(vectorised.SEEN)]) + "\n", encoding="utf-8")
+    return int(code)
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(numba_compiler, "optimised", optimised)
-        yield
+
+if __name__ == "__main__":
+    sys.exit(main())

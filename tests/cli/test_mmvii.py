@@ -96,7 +96,7 @@ def test_every_command_has_a_counterpart_or_says_where_it_is(capsys) -> None:
         ("TopoAdj a b c", "TopoAdj: a b c is too much"),
         ("ImportOBS a b c d", "ImportOBS: c d is too much"),
         ("TopoAdj a b NbIte=3", "TopoAdj has no option NbIte; did you mean NbIter?"),
-        ("ClinoInit a b", "here: BlockInstrInitClino"),
+        ("ClinoInit a b", "ClinoInit: ORIENTATION OUT is missing"),
         ("ImportGCP a NXYZ Out Sigma=[1,2]", "Sigma takes one value, not a list"),
         ("BlockCamInit a b c [1] d", "[1] is not [camera, exposure]"),
     ],

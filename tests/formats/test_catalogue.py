@@ -1,6 +1,7 @@
 """Formats are known by one line: dispatch by name and content, help, errors, mixtures, the page."""
 
 import json
+import re
 from importlib.resources import files
 from pathlib import Path
 
@@ -146,3 +147,15 @@ def test_the_page_of_formats_is_that_of_the_catalogue() -> None:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert module.PAGE.read_text("utf-8") == module.page(), "write it anew: python tools/formats.py"
+
+
+def test_the_readers_of_blocks_that_the_page_names_are_there() -> None:
+    from obseq import formats, project
+
+    page = (Path(__file__).parents[2] / "docs" / "first-block.md").read_text("utf-8")
+    table = page.partition("\n## Blocks of other programs")[2]
+    named = set(re.findall(r"\| `(read_\w+)", table)) | {"read_bundler", "read_bal"}
+    assert len(named) > 12
+    assert {
+        name for name in named if not callable(getattr(formats, name, getattr(project, name, None)))
+    } == set()

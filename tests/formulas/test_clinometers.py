@@ -5,7 +5,7 @@ import math
 import pytest
 
 from obseq.errors import FormulaError
-from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoRot
+from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoNeedle, ClinoRot
 from obseq.formulas.families import find
 
 IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
@@ -54,6 +54,18 @@ def test_the_boresight_applies_after_the_camera() -> None:
     unknowns = (0,) * 9
     found = ClinoBloc().evaluate(unknowns, (*QUARTER, 0, 1, 0, *QUARTER, math.pi / 2))
     assert found == pytest.approx((0, 0), abs=1e-15)
+
+
+def test_a_needle_shows_the_angle_of_the_vertical() -> None:
+    # The vertical (3, 4, 12) projects on (3, 4), and from a half turn on the difference is wrapped.
+    for angle in (0.0, math.pi):
+        (found,) = ClinoNeedle().evaluate((0,) * 6, (*IDENTITY, *IDENTITY, 3, 4, 12, angle))
+        assert found == pytest.approx(math.atan2(4, 3) - angle, abs=1e-15)
+    (found,) = ClinoNeedle().evaluate((0,) * 6, (*IDENTITY, *IDENTITY, -1, -0.1, 0, math.pi))
+    assert found == pytest.approx(math.atan(0.1), abs=1e-15)
+    # Camera to world is a quarter turn, the boresight turns back: y is y.
+    (found,) = ClinoNeedle().evaluate((0,) * 6, (*QUARTER, *QUARTER, 0, 1, 0, 0.0))
+    assert found == pytest.approx(math.pi / 2, abs=1e-15)
 
 
 def test_relative_orientation_of_two_clinometers() -> None:

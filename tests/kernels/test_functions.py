@@ -9,7 +9,6 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from unchanged import digest
 from vectorised import Verdicts
 
 from obseq.arrays import FloatArray
@@ -168,8 +167,8 @@ def test_accuracy_in_units_in_the_last_place(name, exact):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
-def test_the_loop_around_it_is_vectorised(name, pytestconfig):
-    verdicts = Verdicts(getattr(pytestconfig, "cache", None), f"{PACKED} {CALL} {digest()}")
+def test_the_loop_around_it_is_vectorised(name):
+    verdicts = Verdicts(f"{PACKED} {CALL}")
     routine = _loop(name, len(CASES[name][1])).routine
     if routine.symbol in verdicts:
         return

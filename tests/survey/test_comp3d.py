@@ -11,6 +11,8 @@ from obseq.cli.main import main
 from obseq.errors import InputError, SingularSystemError
 from obseq.survey import Datum, Network
 
+pytestmark = pytest.mark.usefixtures("unsearched")
+
 CASES = {
     # sigma0 on the ellipsoid with the constraints in the system of the points, active observations, unknowns,
     # largest difference to the coordinates of Comp3D in plan and height (it computes on a sphere).

@@ -15,6 +15,8 @@ import pytest
 from obseq import crs
 from obseq.survey import KINDS, Network
 
+pytestmark = pytest.mark.usefixtures("unsearched")
+
 CASES = {
     # largest differences of sigma0 (relative) and of coordinates (m): the rounding of the reference, mostly
     "big-1km": (3e-4, 1e-6),  # sigma0 is 3e-4: noise of the convergence

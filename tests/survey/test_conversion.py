@@ -38,6 +38,7 @@ def gkf(tmp_path):
     return path
 
 
+@pytest.mark.usefixtures("unsearched")
 @pytest.mark.parametrize("name", NETWORKS)
 def test_gama_networks_come_back(tmp_path, shared_data, name):
     first = Network.read_project(shared_data / name)
@@ -55,6 +56,7 @@ def test_gama_networks_come_back(tmp_path, shared_data, name):
     )
 
 
+@pytest.mark.usefixtures("unsearched")
 @pytest.mark.parametrize("name", NETWORKS)
 def test_gama_adjusts_what_is_written(tmp_path, shared_data, name):
     program = shutil.which("gama-local")

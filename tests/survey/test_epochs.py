@@ -44,7 +44,7 @@ def unmoved_pair(tmp_path_factory):
 
 
 def test_covariances_of_displacements_are_those_of_drawn_ones(unmoved_pair):
-    pairs = [displacements(*unmoved_pair(seed), NAMES) for seed in range(60)]
+    pairs = [displacements(*unmoved_pair(seed), NAMES) for seed in range(30)]
     vectors = np.array([pair.vectors.ravel() for pair in pairs])
     predicted = pairs[0].cofactors
     known = np.diag(predicted) > 1e-12

@@ -11,6 +11,8 @@ from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.survey import Datum, Network, estimating, write_obs
 
+pytestmark = pytest.mark.usefixtures("unsearched")
+
 POINTS = {"A": (0, 0, 10), "B": (900, 50, 60), "C": (300, 700, 25), "D": (1000, 900, 90), "P": (500, 400, 40)}
 FRAME = "RTL*2.4*48.8*0*+proj=longlat +datum=WGS84"
 

@@ -6,7 +6,7 @@ import pytest
 from obseq.errors import InputError
 from obseq.formats.tables.in_memory import observations_of
 from obseq.formats.tables.writer import table_text
-from obseq.survey import Network, network_from_tables
+from obseq.survey import Network
 
 POINTS = """name,x,y,z,sx,sy,sz
 A,0,0,0,0,0,0
@@ -105,8 +105,15 @@ def test_tables_in_memory_have_clusters():
     assert cluster.covariance[2, 1] == pytest.approx(2e-6 * np.pi / 200)
     with pytest.raises(InputError, match=r"observations, row 1 \(A -> P\): the covariance of cluster a"):
         observations_of(table | {"covariances": ["", 1e-6, [0, 1]]}, "gon")
-    with pytest.raises(InputError, match="unknown type 'BaryX'; known: Dist"):
-        network_from_tables({"name": ["A"]}, table | {"type": ["BaryX", "Dist", "Dist"]})
+
+
+def test_tables_in_memory_have_barycentres_and_units():
+    table = {"type": ["barycentre", "Dist"], "from": ["P", "A"], "to": ["A B", "P"], "value": [0, 5.0]}
+    table |= {"sigma": [0.001, 2.0], "weights": ["1 3", None], "unit": [None, "mm"]}
+    book = observations_of(table)
+    assert [group.weights for group in book.groups] == [(1.0, 3.0)] * 3
+    assert book.observations.values[3:].tolist() == [0.005]
+    assert book.observations.sigmas[3:].tolist() == [0.002]
 
 
 def test_a_cell_that_nobody_could_read_is_refused(tmp_path):

@@ -49,6 +49,7 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
             "edit-instruments",
             "init-cameras",
             "init-clinometers",
+            "init-boresights",
         ),
     },
     "Checks": {

@@ -23,6 +23,7 @@ from .initial.three_points import poses_of_triplets as poses_of_triplets
 from .measures import ImagePoints as ImagePoints
 from .model import CameraModel as CameraModel
 from .parts import Clinometer as Clinometer
+from .parts import Pendulum as Pendulum
 from .parts import Weighting as Weighting
 from .poses import Poses as Poses
 from .poses import RigidMotion as RigidMotion

@@ -20,6 +20,7 @@ from obseq.images.parts import (
     Instruments,
     Lengths,
     MeasureSet,
+    Needles,
     PoseObservations,
     Rule,
 )
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from obseq.images.camera import Camera
-    from obseq.images.parts import Clinometer, Weighting
+    from obseq.images.parts import Clinometer, Pendulum, Weighting
     from obseq.images.rigid import RigidBlock
     from obseq.reading.origin import Origin
     from obseq.survey import Network
@@ -269,9 +270,7 @@ class Block(References):
 
     def add_clinometer(self, clinometer: Clinometer) -> None:
         """Adds a clinometer that a camera carries; `add_inclinations` says what it read."""
-        if clinometer.name in (known.name for known in self.instruments.clinometers):
-            raise InputError(f"clinometer {clinometer.name!r} is given twice")
-        self.instruments.clinometers.append(clinometer)
+        self.instruments.carry(self.instruments.clinometers, clinometer)
 
     def add_inclinations(
         self, clinometer: str, images: Sequence[str], angles: ArrayLike, sigmas: ArrayLike
@@ -282,6 +281,18 @@ class Block(References):
         index_of(list(self.camera_of), images, f"clinometer {clinometer}: image")
         read = Inclinations(clinometer, tuple(images), np.asarray(angles), np.asarray(sigmas))
         self.instruments.inclinations.append(read)
+
+    def add_pendulum(self, pendulum: Pendulum) -> None:
+        """Adds a pendulum that a camera carries; `add_needles` says what it read."""
+        self.instruments.carry(self.instruments.pendulums, pendulum)
+
+    def add_needles(self, pendulum: str, images: Sequence[str], angles: ArrayLike, sigmas: ArrayLike) -> None:
+        """Adds readings of a pendulum (radians, from its x towards its y), each with the image taken then."""
+        known = [item.name for item in self.instruments.pendulums]
+        index_of(known, [pendulum], "needles: pendulum")
+        index_of(list(self.camera_of), images, f"pendulum {pendulum}: image")
+        read = Needles(pendulum, tuple(images), np.asarray(angles), np.asarray(sigmas))
+        self.instruments.needles.append(read)
 
     def add_right_angle(self, first: str, second: str, sigma: float) -> None:
         """Says that the axes of two clinometers are at right angles, to a sigma (radians)."""

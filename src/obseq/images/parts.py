@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from obseq.leastsquares.problem.losses import Attenuated
 if TYPE_CHECKING:
     import re
     from collections.abc import Collection, Iterator, Sequence
+
+    from numpy.typing import ArrayLike
 
     from obseq.images.measures import ImagePoints
     from obseq.images.poses import Poses
@@ -145,6 +147,8 @@ class Instruments:
     Attributes:
         clinometers: that cameras carry.
         inclinations: their readings.
+        pendulums: that cameras carry.
+        needles: their readings.
         right_angles: names of two clinometers whose axes are at right angles, and a sigma (radians).
         vertical: (3,) upwards, in the world.
         vertical_is_free: whether it is an unknown.
@@ -152,9 +156,26 @@ class Instruments:
 
     clinometers: list[Clinometer] = field(default_factory=list)
     inclinations: list[Inclinations] = field(default_factory=list)
+    pendulums: list[Pendulum] = field(default_factory=list)
+    needles: list[Needles] = field(default_factory=list)
     right_angles: list[tuple[str, str, float]] = field(default_factory=list)
     vertical: tuple[float, float, float] = (0.0, 0.0, 1.0)
     vertical_is_free: bool = False
+
+    def carry(self, carried: list[Carried], new: Carried) -> None:
+        """Puts a clinometer, or a pendulum, to those that cameras carry; their names differ.
+
+        Raises:
+            InputError: there is one of this name.
+        """
+        if new.name in [item.name for item in self.clinometers] + [item.name for item in self.pendulums]:
+            raise InputError(f"clinometer {new.name!r} is given twice")
+        carried.append(new)
+
+    @property
+    def are_read(self) -> bool:
+        """Whether anything refers to the vertical."""
+        return bool(self.inclinations or self.needles)
 
 
 @dataclass(frozen=True)
@@ -250,6 +271,69 @@ class Clinometer:
         object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
 
 
+Carried = TypeVar("Carried", "Clinometer", "Pendulum")
+
+
+@dataclass(frozen=True, eq=False)
+class Pendulum:
+    """A needle fixed to a camera, which the vertical turns in a plane.
+
+    Attributes:
+        name: of it.
+        boresight: (3, 3) from the frame of the camera to its own: x and y are the plane of the needle.
+        is_fixed: True when the boresight is known exactly.
+        turns_with: another pendulum, on whose body it is: what one turns by, the other does; empty for none.
+    """
+
+    name: str
+    boresight: FloatArray
+    is_fixed: bool = False
+    turns_with: str = ""
+
+    def __post_init__(self) -> None:
+        boresight = np.array(self.boresight, dtype=np.float64)
+        is_rotation = boresight.shape == (3, 3) and np.allclose(boresight @ boresight.T, np.eye(3), atol=1e-6)
+        if not is_rotation or np.linalg.det(boresight) < 0.0:
+            raise InputError(f"pendulum {self.name}: its boresight is a rotation matrix, not {boresight}")
+        object.__setattr__(self, "boresight", boresight)
+
+
+@dataclass(frozen=True, eq=False)
+class Needles:
+    """Readings of a pendulum.
+
+    Attributes:
+        pendulum: its name.
+        images: (n,) images that were taken at the same time by the camera that carries it.
+        angles: (n,) radians, from x towards y of the pendulum to the downward vertical in its plane.
+        sigmas: (n,) radians.
+    """
+
+    pendulum: str
+    images: tuple[str, ...]
+    angles: FloatArray
+    sigmas: FloatArray
+
+    def __post_init__(self) -> None:
+        angles, sigmas = _readings(f"pendulum {self.pendulum}", len(self.images), self.angles, self.sigmas)
+        object.__setattr__(self, "angles", angles)
+        object.__setattr__(self, "sigmas", sigmas)
+
+
+def _readings(what: str, n: int, angles: ArrayLike, sigmas: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """(n,) angles and their sigmas.
+
+    Raises:
+        InputError: an angle is not finite, or a sigma not positive.
+    """
+    found, spread = (
+        np.array(np.broadcast_to(np.asarray(given, np.float64), (n,))) for given in (angles, sigmas)
+    )
+    if not np.isfinite(found).all() or not ((spread > 0.0) & np.isfinite(spread)).all():
+        raise InputError(f"{what}: readings must be finite, and sigmas positive")
+    return found, spread
+
+
 @dataclass(frozen=True, eq=False)
 class Inclinations:
     """Readings of a clinometer.
@@ -267,12 +351,10 @@ class Inclinations:
     sigmas: FloatArray
 
     def __post_init__(self) -> None:
-        n = len(self.images)
-        for name in ("angles", "sigmas"):
-            given = np.broadcast_to(np.asarray(getattr(self, name), dtype=np.float64), (n,))
-            object.__setattr__(self, name, np.array(given))
-        if not np.isfinite(self.angles).all() or not ((self.sigmas > 0.0) & np.isfinite(self.sigmas)).all():
-            raise InputError(f"clinometer {self.clinometer}: readings must be finite, and sigmas positive")
+        what = f"clinometer {self.clinometer}"
+        angles, sigmas = _readings(what, len(self.images), self.angles, self.sigmas)
+        object.__setattr__(self, "angles", angles)
+        object.__setattr__(self, "sigmas", sigmas)
         steep = np.flatnonzero(np.abs(self.angles) > STEEPEST)
         if steep.size:
             raise InputError(

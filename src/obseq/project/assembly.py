@@ -13,6 +13,7 @@ from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighti
 from obseq.images.names import are_among
 from obseq.project.cameras import read_orientation
 from obseq.project.instruments.blocks import FILE, read_instrument_block
+from obseq.project.instruments.boresights import add_boresights
 from obseq.project.instruments.joining import ENTRIES, add_instruments
 from obseq.project.instruments.rigid_blocks import read_block
 from obseq.project.metadata import chosen
@@ -80,6 +81,8 @@ def assembled(
     if options.instrument is not None:
         given = options.instrument
         add_instruments(block, tree, read_instrument_block(instrument_file(tree, given)), given)
+    if options.boresights is not None:
+        add_boresights(block, tree, options.boresights)
     return block
 
 

@@ -36,6 +36,7 @@ WHOLE = {
     "IsInit Pose Center RotMatrix AxeI AxeJ AxeK Clinos Set_Clinos Name PolCorr PtNorm SigmasPairs K V Tr "
     "Rot SumW SumVW Nb DescrIndiv Type NameInstr Sigma CstrRelRot Ori CstrOrthog",
     "clinometer readings": "NamesClino SetMeasures Ident Angles Sigmas",
+    "clinometer": "Type NameClino Rotation AxeI AxeJ AxeK NameCamera RelCalib ClinoRef",
 }
 """The same of files whose content has no name of its own; the first field is always there."""
 OTHERS = {".obs": "survey observations", ".cor": "points of a survey", ".csv": "table"}

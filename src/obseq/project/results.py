@@ -13,6 +13,7 @@ from obseq.images import ControlPoints
 from obseq.project.assembly import block_files, instrument_file
 from obseq.project.cameras import orientation_files
 from obseq.project.instruments.blocks import read_instrument_block
+from obseq.project.instruments.boresights import adjusted_boresights, read_boresights
 from obseq.project.instruments.joining import ENTRIES
 from obseq.project.instruments.rigid_blocks import block_text, pose_tree, read_block
 from obseq.project.layout import MEASURES
@@ -82,7 +83,7 @@ class Results:
             if part.out and part.with_measures:
                 target = self.tree.folder(MEASURES, part.out)
                 files |= measure_copies(self.tree.measures(part.folder), target)
-        return files | self._rigid(solution) | self._instrument(solution) | self._topo(solution)
+        return files | self._rigid(solution) | self._instruments(solution) | self._topo(solution)
 
     def _definition(self) -> str:
         """The system of the orientation, or that of the points where it has none."""
@@ -104,8 +105,22 @@ class Results:
             )
         return files
 
+    def _instruments(self, solution: BundleSolution) -> Files:
+        """The adjusted instrument block and clinometers, where options ask for them."""
+        return self._instrument(solution) | self._boresights(solution)
+
+    def _boresights(self, solution: BundleSolution) -> Files:
+        given = self.options.boresights
+        if given is None or given.out is None:
+            return {}
+        found = read_boresights(self.tree.folder("Clino", given.folder))
+        folder = self.tree.folder("Clino", given.out)
+        return {
+            folder / f"{one.file}{self._ending}": one.text(as_json=self.as_json)
+            for one in adjusted_boresights(found, solution)
+        }
+
     def _instrument(self, solution: BundleSolution) -> Files:
-        """The adjusted instrument block, where `OutInstrBlock` asks for it."""
         given = self.options.instrument
         if given is None or given.out is None:
             return {}

@@ -133,12 +133,14 @@ def _vectors(record: AdjustmentRecord) -> Iterator[Finding]:
     """The vectors and positions whose test as a whole fails, the worst first."""
     beyond = [item for item in record.joint if item.is_beyond]
     beyond.sort(key=lambda item: -item.statistic / item.critical)
+    files = short_names(item.file for item in beyond)
     for item in () if record.gross_errors else beyond[:MOST_BEYOND]:
         limit = f"limit {item.critical:.2f} with {item.degrees} degrees of freedom"
         share = f"{len(beyond)} of {len(record.joint)} are"
-        text = f"As a whole it is off: T {item.statistic:.1f}, {limit}; {share}."
+        text = f"As a whole it is off, {limit}; {share}."
+        where = f"{name(files[item.file])}:{item.line}" if item.file else ""
         to = Place("observations", row=item.rows[0]) if item.rows else None
-        yield Finding("warn", name(item.name), text, f"T {item.statistic:.1f}", to=to)
+        yield Finding("warn", name(item.what), text, f"T {item.statistic:.1f}", where, to=to)
 
 
 def _remarks(record: AdjustmentRecord) -> Iterator[Finding]:
@@ -192,7 +194,12 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
     if level is None or record.gross_errors:
         return
     files = short_names(row.file for row in record.observations)
-    found = [(abs(row.standardised_residual or 0.0), k) for k, row in enumerate(record.observations)]
+    parts = {row for item in record.joint for row in item.rows}  # tested as a whole
+    found = [
+        (abs(row.standardised_residual or 0.0), k)
+        for k, row in enumerate(record.observations)
+        if k not in parts
+    ]
     for size, k in sorted(found, reverse=True)[:MOST_BEYOND]:
         row = record.observations[k]
         if size > level.critical and row.residual is not None:

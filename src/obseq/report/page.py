@@ -67,7 +67,7 @@ def _worst(record: AdjustmentRecord) -> list[int] | None:
         return None
     accused = {place.row for item in record.gross_errors for place in item.observations}
     weak = {k for k, row in enumerate(found) if row.redundancy is not None and row.redundancy < POOR}
-    size = [abs(row.standardised_residual or row.normalised_residual or 0.0) for row in found]
+    size = [abs(row.standardised_residual or row.normalised_residual or 0.0) * row.active for row in found]
     order = sorted(range(len(found)), key=lambda k: (k not in accused, -size[k]))
     poor = sorted(weak)[: MOST_OBSERVATIONS // 2]
     return sorted({*poor, *order[: MOST_OBSERVATIONS - len(poor)]})

@@ -23,6 +23,7 @@ Options are MMVII's, Name=value, of today or of 2024:
   BRDirIn=F BRW=[Tr,Rot] BRW_Rat=[Tr,Rot] OutRigBlock=F
   BOI=[[Block,mTr,mRot,Save,Rel],[gTr,gRot],[cTr,cRot]] InInstrBlock=F OutInstrBlock=F
   ClinoBOI=[[Block,mAng,mOrth],[VertFree,Others],[Degree0,Degree1,...]] InMeasureClino=F
+  ClinoDirIn=F InMeasureClino=F ClinoDirOut=F (clinometers of ClinoInit, without a block)
 The iterations go on until they converge; NbIter only limits them. Poses, calibrations and points that
 are written belong to one state."""
 

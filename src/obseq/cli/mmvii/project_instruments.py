@@ -51,6 +51,47 @@ def register(commands: Commands) -> None:
     )
     command.add_argument("--name", default=NAME, help=f"of the block ({NAME})")
 
+    purpose = "find clinometers on a camera from poses, without a block (ClinoInit)"
+    known = ("readings", "clinometers", "orientation")
+    command = add_tree_command(commands, "init-boresights", _boresights, purpose, (*known, "out"))
+    command.add_argument("--type", choices=("Spring", "Pendulum"), default="Spring", help="of them (Spring)")
+    command.add_argument(
+        "--second", default="i-kj", metavar="AXES", help="of the second, in the frame of the first (i-kj)"
+    )
+    command.add_argument("--exposures", default=".*", metavar="PATTERN", help="that are used (all)")
+    command.add_argument("--others", action="store_true", help="leave exposures without an image aside")
+
+
+def _boresights(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
+    from obseq.project.cameras import read_orientation
+    from obseq.project.instruments.blocks import read_clinometer_readings
+    from obseq.project.instruments.boresights import found_boresights
+
+    poses, _ = read_orientation(tree.orientation(arguments.orientation))
+    readings = read_clinometer_readings(tree.folder("MeasureClino", arguments.readings))
+    readings = readings.chosen(arguments.exposures)
+    chosen = _numbers(arguments.clinometers)
+    found = found_boresights(readings, poses, chosen, arguments.type, arguments.second)
+    if found.alone and not arguments.others:
+        raise InputError(
+            f"{readings.path}: exposure {found.alone[0]} has no image with a pose ({len(found.alone)} have "
+            "none; --others, OkNoCam=1, leaves them aside)"
+        )
+    folder = tree.folder("Clino", arguments.out)
+    files: Files = {
+        folder / f"{one.file}{ending_of(arguments)}": one.text(as_json=arguments.json_files)
+        for one in found.boresights
+    }
+    return "".join(f"{line}\n" for line in found.lines), files, True
+
+
+def _numbers(text: str) -> list[int]:
+    """Whole numbers, as MMVII writes lists of them: `[0,1]`."""
+    words = text.strip("[] ").split(",")
+    if not all(word.strip().isdigit() for word in words):
+        raise InputError(f"{text!r}: numbers of one or two clinometers are wanted, as [0,1]")
+    return [int(word) for word in words]
+
 
 def _import(arguments: argparse.Namespace, tree: "ProjectTree") -> tuple[str, Files, bool]:
     from obseq.project.instruments.clinometer_files import FILE, read_lines, readings_text

@@ -36,6 +36,7 @@ WORDS = {
     "folder": "folder of metadata (MetaData)",
     "block": "folder of instrument blocks (InstrBlock)",
     "readings": "folder of readings of clinometers (MeasureClino)",
+    "clinometers": "numbers of one or two clinometers of the readings, from 0: [0,1]",
     "mode": "what the rules give: Focalmm, FocalPix, PPPix, Aperture, ModelCam, NbPixel, AdditionalName",
 }
 

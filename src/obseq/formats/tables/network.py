@@ -11,13 +11,13 @@ from obseq.stopwatch import Stopwatch
 from obseq.survey.network import Network
 
 if TYPE_CHECKING:
-    from obseq.formats.tables.in_memory import Table
+    from obseq.formats.tables.in_memory import Given
 
 
 @expecting(frame=TEXT | NOTHING, points_crs=TEXT | NOTHING, angles=TEXT, refraction=NUMBER)
 def network_from_tables(
-    points: Table,
-    observations: Table,
+    points: Given,
+    observations: Given,
     frame: str | None = None,
     points_crs: str | None = None,
     angles: str = "rad",

@@ -60,12 +60,10 @@ def read_tables(paths: tuple[Path, ...], reading: Reading) -> Project:
     for path in paths:
         table = Table(read_text(path, reading.encoding))
         table.check_rows()
-        if "type" in table.columns:
-            _Observations(table, columns, clusters).read()
-        elif "formula" in table.columns:
-            _Formulas(table, columns, clusters).read()
+        if {"type", "formula"} & table.columns.keys():
+            add_observations(table, columns, clusters)
         else:
-            points.append(_points(table, units))
+            points.append(points_in(table, units))
         named |= table.units
     clusters.give(columns)
     if not len(columns) or not (points or reading.has_points):
@@ -81,7 +79,7 @@ def read_point_table(path: str | Path, encoding: str) -> tuple[Points, list[floa
     """Reads a table of points: them in metres, and the unit of each (m; NaN for that of its system)."""
     table, units = Table(read_text(path, encoding)), list[float]()
     table.check_rows()
-    return _points(table, units), units
+    return points_in(table, units), units
 
 
 def _only_of(paths: tuple[Path, ...], lacking: str) -> str:
@@ -94,7 +92,13 @@ def _only_of(paths: tuple[Path, ...], lacking: str) -> str:
     )
 
 
-def _points(table: Table, units: list[float]) -> Points:
+def add_observations(table: Table, columns: Columns, clusters: Clusters) -> None:
+    """Adds the rows of a table of observations, or of formulas."""
+    is_of_formulas = "formula" in table.columns and "type" not in table.columns
+    (_Formulas if is_of_formulas else _Observations)(table, columns, clusters).read()
+
+
+def points_in(table: Table, units: list[float]) -> Points:
     """The points: free where a sigma is empty, held where it is 0.
 
     Args:
@@ -154,9 +158,10 @@ class _Observations:
         unit = table.unit(index, cells, kind)
         value = table.number(index, cells, "value") * unit
         sigma = table.number(index, cells, "sigma") * unit
+        relative = table.number(index, cells, "relative_sigma", 0.0)
         is_active = table.is_active(index, cells)
         if is_active:
-            table.check_measure(index, kind, value, sigma)
+            table.check_measure(index, kind, value, sigma, relative)
         if kind in BARYCENTRES:
             return self._barycentre(index, cells, Measure(kind, -1, -1, value, sigma, is_active))
         if cells.get("weights"):
@@ -168,7 +173,7 @@ class _Observations:
             value,
             sigma,
             is_active,
-            table.number(index, cells, "relative_sigma", 0.0),
+            relative,
             table.number(index, cells, "from_height", 0.0),
             table.number(index, cells, "to_height", 0.0),
             self._station(index, cells, kind, ends[0]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from obseq.formats.default_sigmas import ANGLES
 from obseq.formats.tables.clusters import Member
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3} | METRES
 """Units of lengths, as PROJ names them; `us-ft` is the foot of the United States' surveys."""
-DEFAULT_UNITS = {True: "gon", False: "m"}
 OFF = {"": True, "1": True, "yes": True, "true": True, "0": False, "no": False, "false": False}
 DEGREES = frozenset({"deg", "sec", "arcsec"})
 OF_POINTS, OF_OBSERVATIONS = ("name", "x", "y", "z"), ("type", "from", "to", "value", "sigma")
@@ -37,6 +36,17 @@ def shown_in(names: frozenset[str]) -> ShownUnits:
     return ShownUnits(length if length in METRES else "m", "degree" if degrees else "gon")
 
 
+class RowsOfCells(Protocol):
+    """Names of columns, and rows of cells under them, as `reading.tables.Rows` has them."""
+
+    head: int
+    separator: str
+    names: tuple[str, ...]
+
+    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
+        """Line (from 0) and cells of each row."""
+
+
 class Table:
     """A table, row by row.
 
@@ -46,9 +56,17 @@ class Table:
         units: Those that its rows name.
     """
 
-    def __init__(self, file: TextFile) -> None:
+    def __init__(self, file: TextFile, rows: RowsOfCells | None = None, angle: str = "gon") -> None:
+        """A table of a file, or of rows that something else gives.
+
+        Args:
+            file: What messages name.
+            rows: Those of a table in memory; None for the lines of the file.
+            angle: Unit of angles where a row says none.
+        """
         self.file, self.units = file, set[str]()
-        self._rows = Rows(file.lines, file.error)
+        self._rows = Rows(file.lines, file.error) if rows is None else rows
+        self._units = {True: angle, False: "m"}
         self.columns = {name: place for place, name in enumerate(self._rows.names)}
 
     def check(self, wanted: tuple[str, ...], more: tuple[str, ...]) -> None:
@@ -82,7 +100,9 @@ class Table:
     def number(self, index: int, cells: dict[str, str], column: str, default: float | None = None) -> float:
         """The number in a cell; the default when it is empty or the column is not there."""
         text = cells.get(column, "")
-        if not text and default is not None:
+        if not text:
+            if default is None:
+                raise self.file.error(index, f"column {column} is empty")
             return default
         if self._rows.separator != "," and DECIMAL_COMMA.fullmatch(text):
             text = text.replace(",", ".")
@@ -95,7 +115,7 @@ class Table:
     def unit(self, index: int, cells: dict[str, str], kind: ObservationKind) -> float:
         """What value and sigma of a row are multiplied by."""
         units = ANGLES if kind.is_angle else LENGTHS
-        name = cells.get("unit", "") or DEFAULT_UNITS[kind.is_angle]
+        name = cells.get("unit", "") or self._units[kind.is_angle]
         self.units.add(name)
         if name not in units:
             raise self.file.error(
@@ -118,9 +138,11 @@ class Table:
             raise self.file.error(index, f"active is {quoted(text)!r}; 1 or 0 is needed")
         return OFF[text]
 
-    def check_measure(self, index: int, kind: ObservationKind, value: float, sigma: float) -> None:
+    def check_measure(
+        self, index: int, kind: ObservationKind, value: float, sigma: float, relative: float = 0.0
+    ) -> None:
         """Refuses a value that its kind cannot have, and a sigma that would be an infinite weight."""
-        if not sigma >= LEAST_SIGMA:
+        if not (sigma >= LEAST_SIGMA or (sigma == 0.0 and relative > 0.0)):
             raise self.file.error(index, "column sigma: it is not positive; the weight would be infinite")
         problem = kind.problem(value)
         if problem is not None:

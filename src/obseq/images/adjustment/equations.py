@@ -9,7 +9,12 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.geometry import sums_by_owner
-from obseq.images.adjustment.reference_equations import AntennaEquations, ClinometerEquations, shutters_of
+from obseq.images.adjustment.reference_equations import (
+    AntennaEquations,
+    ClinometerEquations,
+    PendulumEquations,
+    shutters_of,
+)
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
 from obseq.images.names import are_among, expression, index_of, no_parameter
 
@@ -61,6 +66,7 @@ class Equations:
         shutters: that roll.
         rigid: rigid blocks.
         clinometers: the clinometers; None where nothing was read.
+        pendulums: the same of pendulums.
         eliminated: blocks of the points that are taken out of the normal equations first.
     """
 
@@ -86,6 +92,9 @@ class Equations:
         self.clinometers: ClinometerEquations | None = None
         if block.instruments.inclinations:
             self.clinometers = ClinometerEquations(system, block.instruments, images, poses)
+        self.pendulums: PendulumEquations | None = None
+        if block.instruments.needles:
+            self.pendulums = PendulumEquations(system, block.instruments, images, self.rotations)
         self._slow()
         self._see()
         self.eliminated = self._eliminated() if eliminate else self.points[:0]
@@ -99,6 +108,8 @@ class Equations:
         found += [part.lever for part in self.antennas] + [part.readout for part in self.shutters]
         if self.clinometers is not None:
             found += [self.clinometers.vertical, self.clinometers.axes, self.clinometers.corrections]
+        if self.pendulums is not None:
+            found.append(self.pendulums.boresights)
         return found
 
     # Unknowns

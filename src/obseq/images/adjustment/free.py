@@ -198,7 +198,7 @@ def _floats(equations: Equations) -> bool:
 def _axis(equations: Equations) -> FloatArray | None:
     """(3,) the vertical about which alone a block may turn; None where nothing refers to it."""
     instruments = equations.block.instruments
-    if not instruments.inclinations:
+    if not instruments.are_read:
         return None
     vertical = np.array(instruments.vertical)
     return np.asarray(vertical / np.linalg.norm(vertical))

@@ -8,14 +8,14 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.images.names import index_of
-from obseq.images.parts import Clinometer
+from obseq.images.parts import Clinometer, Pendulum
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.images.block import Block
-    from obseq.images.parts import Instruments
+    from obseq.images.parts import Instruments, Needles
     from obseq.images.references import Antenna, Shutter
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
     from obseq.leastsquares.problem.priors import Prior
@@ -199,3 +199,68 @@ class ClinometerEquations:
         sines = np.concatenate([result.residuals(batch)[:, 0] for batch in self.batches])
         cosines = np.cos(np.concatenate([part.angles for part in read]))
         return labels, np.asarray(sines / cosines)
+
+
+NEEDLES = "needles"
+
+
+class PendulumEquations:
+    """The pendulums of a block in a system; the vertical is as it was given.
+
+    Attributes:
+        instruments: what they are, and what they read.
+        boresights: (k,) blocks of their boresights.
+        batches: one for each set of readings.
+    """
+
+    def __init__(
+        self, system: LeastSquares, instruments: Instruments, images: Sequence[str], rotations: IntArray
+    ) -> None:
+        if instruments.vertical_is_free:
+            raise InputError("pendulums refer to a vertical that is known (set_vertical)")
+        self.instruments, pendulums = instruments, instruments.pendulums
+        self._names = [item.name for item in pendulums]
+        names = [f"{name} boresight" for name in self._names]
+        self.boresights = system.add_rotations(names, [item.boresight for item in pendulums])
+        held = [row for row, item in enumerate(pendulums) if item.is_fixed]
+        if held:
+            system.freeze(self.boresights[held])
+        self._tie(system)
+        up = np.array(instruments.vertical)
+        down = -up / np.linalg.norm(up)
+        self.batches = [self._add(system, read, images, rotations, down) for read in instruments.needles]
+
+    def _tie(self, system: LeastSquares) -> None:
+        """Small turns are about the axes of the camera, and those of one body are the same."""
+        for row, item in enumerate(self.instruments.pendulums):
+            if item.turns_with:
+                (other,) = index_of(self._names, [item.turns_with], f"pendulum {item.name}: turns with")
+                ids = [np.repeat(self.boresights[k], 3) for k in (row, other)]
+                labels = [f"boresight {item.name} = {item.turns_with}, {axis}" for axis in "xyz"]
+                system.constrain_linear(ids, [np.eye(3), -np.eye(3)], np.zeros(3), labels, is_tangent=True)
+
+    def _add(
+        self,
+        system: LeastSquares,
+        read: Needles,
+        images: Sequence[str],
+        rotations: IntArray,
+        down: FloatArray,
+    ) -> Batch:
+        rows = index_of(images, read.images, f"pendulum {read.pendulum}: image")
+        (own,) = index_of(self._names, [read.pendulum], "pendulum")
+        blocks = {"boresight": self.boresights[own], "rotation": rotations[rows]}
+        labels = [f"pendulum {read.pendulum}, image {image}" for image in read.images]
+        observed = np.column_stack([np.tile(down, (len(rows), 1)), read.angles])
+        return system.add("ClinoNeedle", blocks, observed, read.sigmas, labels, NEEDLES)
+
+    def adjusted(self, result: LeastSquaresResult, name: str) -> Pendulum:
+        """A pendulum with its adjusted boresight."""
+        (row,) = index_of(self._names, [name], "pendulum")
+        given = self.instruments.pendulums[row]
+        boresight = result.values(self.boresights[row : row + 1])[0]
+        return Pendulum(name, boresight, given.is_fixed, given.turns_with)
+
+    def residuals(self, result: LeastSquaresResult) -> FloatArray:
+        """(n,) computed minus read, radians, in the order of the readings."""
+        return np.concatenate([result.residuals(batch)[:, 0] for batch in self.batches])

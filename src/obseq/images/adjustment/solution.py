@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.adjustment.equations import Equations
     from obseq.images.adjustment.quality import BlundersFound, MeasureReliability
-    from obseq.images.adjustment.reference_equations import ClinometerEquations
+    from obseq.images.adjustment.reference_equations import ClinometerEquations, PendulumEquations
     from obseq.images.adjustment.rigid_equations import RigidEquations, RigidResiduals
     from obseq.images.adjustment.start import LeftOut, Start
     from obseq.images.adjustment.surveys import JoinedSurvey
     from obseq.images.block import Block
     from obseq.images.camera import Camera
-    from obseq.images.parts import Clinometer
+    from obseq.images.parts import Clinometer, Pendulum
     from obseq.leastsquares import Iteration, LeastSquaresResult
 
 
@@ -276,6 +276,20 @@ class BundleSolution(Referenced):
     def clinometer(self, name: str) -> Clinometer:
         """A clinometer with its adjusted axis and correction."""
         return self._clinometers.adjusted(self.result, name)
+
+    @property
+    def _pendulums(self) -> PendulumEquations:
+        if self.equations.pendulums is None:
+            raise InputError("the block has no readings of pendulums (add_needles)")
+        return self.equations.pendulums
+
+    def pendulum(self, name: str) -> Pendulum:
+        """A pendulum with its adjusted boresight."""
+        return self._pendulums.adjusted(self.result, name)
+
+    def needle_residuals(self) -> FloatArray:
+        """(n,) readings of pendulums, computed minus read, radians."""
+        return self._pendulums.residuals(self.result)
 
     @property
     def vertical(self) -> FloatArray:

@@ -124,7 +124,9 @@ def known_beside_points(block: Block, start: Start) -> int:
     held = 3 * sum(bool(pattern.fullmatch(image)) for pattern in fixed for image in images)
     observed = 6 * sum(len(part.poses) for part in block.pose_observations)
     observed += 3 * sum(len(set(part.images) & set(images)) for part in block.antennas)
-    read = sum(len(part.images) for part in block.instruments.inclinations)
+    instruments = block.instruments
+    read = sum(len(part.images) for part in instruments.inclinations)
+    read += sum(len(part.images) for part in instruments.needles)
     return held + observed + read + len(block.lengths.values)
 
 

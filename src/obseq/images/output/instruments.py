@@ -60,12 +60,16 @@ class RigidRecord(Record, frozen=True):
     exposures: tuple[ExposureRecord, ...]
 
 
+PERFECT = (0.0, 1.0, 0.0, 0.0)
+"""Coefficients of no correction."""
+
+
 class ClinometerRecord(Record, frozen=True):
-    """An adjusted clinometer.
+    """An adjusted clinometer, or a pendulum.
 
     Attributes:
-        axis: direction in the frame of its camera.
-        correction: coefficients of degrees 0 to 3.
+        axis: direction in the frame of its camera; of a pendulum that about which its needle turns.
+        correction: coefficients of degrees 0 to 3; of a pendulum there is none.
         images: of its readings.
         residuals: computed minus read, one for each image.
     """
@@ -103,7 +107,20 @@ def _exposures(solution: BundleSolution, name: str) -> Iterator[ExposureRecord]:
 
 
 def clinometer_records(solution: BundleSolution) -> Iterator[ClinometerRecord]:
-    """The clinometers of a solution."""
+    """The clinometers of a solution, then its pendulums."""
+    yield from _inclinations(solution)
+    needles, first = solution.block.instruments.needles, 0
+    residuals = solution.needle_residuals() if needles else np.zeros(0)
+    for read in needles:
+        own = residuals[first : first + len(read.images)]
+        pivot, rms = solution.pendulum(read.pendulum).boresight[2], float(np.sqrt(np.mean(own**2)))
+        yield ClinometerRecord(
+            read.pendulum, tuple(pivot.tolist()), PERFECT, read.images, tuple(own.tolist()), rms
+        )
+        first += len(read.images)
+
+
+def _inclinations(solution: BundleSolution) -> Iterator[ClinometerRecord]:
     instruments = solution.block.instruments
     residuals = solution.clinometer_residuals()[1] if instruments.inclinations else np.zeros(0)
     images = [image for part in instruments.inclinations for image in part.images]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.leastsquares.solution.result import StopReason
 
@@ -202,6 +203,16 @@ def is_balanced(equations: NormalEquations) -> bool:
             np.add.at(pulls, scalars, derivatives * (weight * residual))
             np.add.at(noise, scalars, np.square(derivatives * (weight * digits)))
     return bool((np.abs(pulls) <= DIGITS * EPS * np.sqrt(noise))[~table.frozen].all())
+
+
+def rounding_of_sum(equations: NormalEquations) -> float:
+    """Share of a sum of squares that its additions lose: three standard deviations, 16 eps at least.
+
+    The sums of n tiles are added one after the other. Each addition rounds the sum so far, evenly within
+    eps/2 of it: that is eps sqrt(n) / 6 in the end.
+    """
+    tiles = sum(batch.n for batch in equations.batches) / LANES
+    return EPS * max(16.0, 0.5 * math.sqrt(tiles))
 
 
 def rounding_of_cost(equations: NormalEquations) -> float:

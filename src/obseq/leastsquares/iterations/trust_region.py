@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from obseq.errors import DivergenceError, SingularSystemError
-from obseq.leastsquares.iterations.arrival import NEGLIGIBLE, Arrival, resolution, rounding_of_cost
+from obseq.leastsquares.iterations.arrival import (
+    NEGLIGIBLE,
+    Arrival,
+    resolution,
+    rounding_of_cost,
+    rounding_of_sum,
+)
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
-from obseq.leastsquares.iterations.trials import ROUNDED_COST, Trial, gain_of, scaled, share_of
+from obseq.leastsquares.iterations.trials import Trial, gain_of, scaled, share_of
 from obseq.leastsquares.iterations.violation import Violation
 from obseq.leastsquares.solution.result import StopReason
 
@@ -271,7 +277,7 @@ class _Search:
         """Whether the cost is too rounded to tell what the step brings; the unknowns have moved."""
         if not abs(after - cost) <= NEGLIGIBLE * cost:
             return False
-        if trial.promised <= ROUNDED_COST * cost:
+        if trial.promised <= rounding_of_sum(self._equations) * cost:
             return True
         return trial.promised <= NEGLIGIBLE**3 * cost and trial.promised <= rounding_of_cost(self._equations)
 

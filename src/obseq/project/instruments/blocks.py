@@ -5,7 +5,7 @@ Cameras are named by their calibrations. What a file holds besides stays in it w
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.names import unique_names
 from obseq.project.instruments.rigid_blocks import read_pose_fields
-from obseq.project.metadata import read_names
+from obseq.project.metadata import read_names, whole_match
 from obseq.project.tree import Reader, file_in, pairs, read_tree
 
 if TYPE_CHECKING:
@@ -248,6 +248,12 @@ class ClinometerReadings:
     exposures: tuple[str, ...]
     angles: FloatArray
     sigmas: FloatArray
+
+    def chosen(self, pattern: str) -> ClinometerReadings:
+        """Those of the exposures whose names match as a whole."""
+        rows = [k for k, name in enumerate(self.exposures) if whole_match(pattern, name, str(self.path))]
+        names = tuple(self.exposures[row] for row in rows)
+        return replace(self, exposures=names, angles=self.angles[rows], sigmas=self.sigmas[rows])
 
 
 def read_clinometer_readings(folder: Path) -> ClinometerReadings:

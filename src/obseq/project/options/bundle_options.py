@@ -31,13 +31,14 @@ if TYPE_CHECKING:
 BLOCK = "BOI=[[Block?,mTr?,mRot?,Save?,Rel?],[gTr?,gRot?],[cTr,cRot]?]"
 TILTS = "ClinoBOI=[[Block?,mAng?,mOrth?],[VertFree?,Others?],[Degree 0?,Degree 1?,...]]"
 INSTRUMENTS = ("BOI", "ClinoBOI", "InInstrBlock", "OutInstrBlock", "InMeasureClino")
+BORESIGHTS = ("ClinoDirIn", "ClinoDirOut")
 
 KNOWN = (
     "NbIter", "GCP3D", "GCP2D", "GCPDir", "GCPW", "AddGCPW", "GCPDirOut", "PPFzCal", "PPFreeCal", "SharedIP",
     "PatFzCenters", "PatFzOrient", "PoseVisc", "RefOri", "BRDirIn", "BRW", "BRW_Rat", "OutRigBlock",
     "TopoDirIn", "TopoDirOut", "TopoW", "TopoRefr", "TPDir", "TiePWeight", "DataDir", "GCPFilter",
     "GCPFilterAdd",
-    *INSTRUMENTS,
+    *INSTRUMENTS, *BORESIGHTS,
 )  # fmt: skip
 TOPO = ("NbIter", "GCP3D", "GCPDir", "GCPW", "GCPDirOut", "GCPFilter", "GCPFilterAdd", "TopoRefr")
 """Those of `TopoAdj`."""
@@ -108,6 +109,7 @@ class BundleOptions:
     chosen_information: str = ""
     ties: tuple[Set2D, ...] = field(default=())
     instrument: InstrumentOptions | None = None
+    boresights: BoresightOptions | None = None
 
 
 def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleOptions:
@@ -157,6 +159,7 @@ def parse_options(words: Sequence[str], known: Sequence[str] = KNOWN) -> BundleO
         chosen_information=text_of(given, "GCPFilterAdd") or "",
         ties=_ties(given, folder),
         instrument=instrument_options(given, folder),
+        boresights=_boresights(given, folder),
     )
 
 
@@ -251,6 +254,30 @@ def _inverse_root(row: Sequence[Value]) -> float | None:
 
 
 @dataclass(frozen=True)
+class BoresightOptions:
+    """Clinometers as they were before blocks.
+
+    Attributes:
+        folder: of `Clino`.
+        readings: folder of `MeasureClino`.
+        out: folder of `Clino` that is written; None for none.
+    """
+
+    folder: str
+    readings: str
+    out: str | None = None
+
+
+def _boresights(given: Mapping[str, Value], folder: str) -> BoresightOptions | None:
+    name = text_of(given, "ClinoDirIn")
+    if name is None:
+        if "ClinoDirOut" in given:
+            raise InputError("ClinoDirOut has no effect without ClinoDirIn")
+        return None
+    return BoresightOptions(name, text_of(given, "InMeasureClino") or folder, text_of(given, "ClinoDirOut"))
+
+
+@dataclass(frozen=True)
 class ClinometerOptions:
     """The clinometers of a block, `ClinoBOI`.
 
@@ -303,7 +330,8 @@ def instrument_options(given: Mapping[str, Value], folder: str) -> InstrumentOpt
         InputError: a list is not what it should be, or would have no effect.
     """
     if "BOI" not in given:
-        alone = [name for name in INSTRUMENTS if name in given]
+        used = {"InMeasureClino"} if "ClinoDirIn" in given else set[str]()
+        alone = [name for name in INSTRUMENTS if name in given and name not in used]
         if alone:
             raise InputError(f"{alone[0]} has no effect without {BLOCK}")
         return None
@@ -324,7 +352,7 @@ def instrument_options(given: Mapping[str, Value], folder: str) -> InstrumentOpt
 
 def _clinometers(given: Mapping[str, Value], folder: str, block: str) -> ClinometerOptions | None:
     if "ClinoBOI" not in given:
-        if "InMeasureClino" in given:
+        if "InMeasureClino" in given and "ClinoDirIn" not in given:
             raise InputError(f"InMeasureClino has no effect without {TILTS}")
         return None
     names, vertical, degrees = _lists(given["ClinoBOI"], TILTS, (3, 2, 4))

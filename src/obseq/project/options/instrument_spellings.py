@@ -71,8 +71,19 @@ INSTRUMENTS = (
     ),
     Spelling(
         "ClinoInit",
-        "",
-        "finds clinometers as they were before blocks; here: BlockInstrInitClino, which is their successor",
+        "init-boresights",
+        "finds clinometers on a camera, as they were before blocks",
+        (Form(("READINGS", "CLINOMETERS", "ORIENTATION", "OUT"), in_order(0, 1, 2, 3)),),
+        (
+            Option("Type", "Spring (as is usual) or Pendulum", value("--type")),
+            Option(
+                "Rel12", "axes of the second clinometer in the frame of the first (i-kj)", value("--second")
+            ),
+            Option("PatFilter", "of the exposures that are used", value("--exposures")),
+            Option("OkNoCam", "1: exposures without an image are left aside", switch("--others")),
+        ),
+        "ClinoInit Tilts [0,1] BA Boresights Type=Pendulum",
+        "Boresights are those of least squares, from 24 starts, not the best of a grid.",
     ),
 )
 """In the order in which they are typed."""

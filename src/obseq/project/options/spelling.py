@@ -177,6 +177,9 @@ def in_order(*order: int) -> Callable[[Sequence[str]], list[str]]:
 
 
 IDLE = {
+    "NbStep0": "nothing is looked for on a grid",
+    "NbStep": "nothing is looked for on a grid",
+    "DMGon": "angles are told in radians",
     "LVM": "steps are damped by themselves where that is needed",
     "Debug": "nothing is drawn or printed on the way",
     "ShowByBloc": "each pair of cameras is always shown",

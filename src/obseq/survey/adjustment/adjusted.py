@@ -71,7 +71,8 @@ class Adjustment(Asked):
         points: The adjusted points.
         stations: The adjusted stations.
         book: The observations.
-        residuals: (n,) computed minus observed, m or rad; NaN for inactive observations.
+        residuals: (n,) computed minus observed, m or rad; those of inactive observations too, NaN where
+            the solution says nothing of them.
         sigmas: (n,) m or rad, what they were adjusted with: relative parts included.
         frame: Definition of the computation frame.
         points_crs: Definition of the system of the points.
@@ -175,7 +176,7 @@ class Adjustment(Asked):
 
     @property
     def normalised_residuals(self) -> FloatArray:
-        """(n,) residual over sigma; NaN for inactive observations."""
+        """(n,) residual over sigma, of inactive observations too."""
         return np.asarray(self.residuals / self.sigmas)
 
     def record(self, title: str | None = None) -> AdjustmentRecord:
