@@ -285,22 +285,20 @@ class Fieldwork:
         if found is not None:
             return found
         assert failed is not None
-        told = boundary.attempt(_DIAGNOSIS, lambda: self._recorded(model, computation.blocks), None)
+        told = boundary.attempt(_DIAGNOSIS, lambda: self._recorded(model), None)
         if told is not None and told.accused:
             reason = f"the adjustment fails, which may follow from them: {failed}"
             raise InputError(f"{listed_errors(told)}\n{reason}") from failed
         raise failed
 
-    def _recorded(
-        self, model: NetworkModel, blocks: Blocks | None, policy: Policy = POLICY
-    ) -> DiagnosisRecord:
+    def _recorded(self, model: NetworkModel, policy: Policy = POLICY) -> DiagnosisRecord:
         """What is wrong with a network, judged by a policy."""
 
         def begun(points: Points, book: FieldBook) -> Determined:
             start = Determined(points, book, self._computed(points, book, Choice()))
             return leave_out(start, start.initial.unplaced)
 
-        return record_of(model, self.units, begun, lambda start: self._model(start, None, blocks), policy)
+        return record_of(model, self.units, begun, policy)
 
     def _model(
         self,
@@ -321,8 +319,8 @@ class Fieldwork:
 
         def found() -> Snooped:
             if wanted.snooping is None:
-                return Snooped(self._recorded(model, computation.blocks), POLICY)
-            return snooped(partial(self._recorded, model, computation.blocks), wanted, adjustment)
+                return Snooped(self._recorded(model), POLICY)
+            return snooped(partial(self._recorded, model), wanted, adjustment)
 
         return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
 
