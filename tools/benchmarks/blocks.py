@@ -46,7 +46,7 @@ HEIGHT, BASE, STRIP, HALF, RAYS, TIED = 1000.0, 200.0, 400.0, 500.0, 5, 250
 PAPER = {"survey": (1_000_000, 10_000_000), "flight": (10_000, 100_000)}
 
 CONTROLLED = 0.01
-"""Redundancy from which on tests are compared: the rounding of one below is that of its test, over its root."""
+"""Redundancy from which on tests are compared: below, its rounding is that of the test."""
 
 Figures = dict[str, Any]
 
