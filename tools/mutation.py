@@ -97,7 +97,7 @@ def tried(room: Room, checkout: Path, count: int, seed: int) -> tuple[int, list[
     from cosmic_ray.work_db import use_db
     from cosmic_ray.work_item import TestOutcome
 
-    code = room.code if room.tests else _modules(room, count, seed)
+    code = room.code if room.tests else _modules(checkout, room, count, seed)
     config, session = checkout / "cosmic-ray.toml", checkout / "session.sqlite"
     environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
 
@@ -114,7 +114,7 @@ def tried(room: Room, checkout: Path, count: int, seed: int) -> tuple[int, list[
     judged_by: dict[tuple[str, ...], list[WorkItem]] = {}
     with use_db(session) as base:
         for item in _sample(checkout, list(base.work_items), count, seed):
-            judged_by.setdefault(room.tests or _tests_of(_file(item)), []).append(item)
+            judged_by.setdefault(room.tests or _tests_of(checkout, _file(item)), []).append(item)
     killed, survived = 0, list[str]()
     for tests, items in judged_by.items():
         if run("baseline", tests):
@@ -131,22 +131,22 @@ def tried(room: Room, checkout: Path, count: int, seed: int) -> tuple[int, list[
     return killed, sorted(survived)
 
 
-def _modules(room: Room, count: int, seed: int) -> list[str]:
+def _modules(checkout: Path, room: Room, count: int, seed: int) -> list[str]:
     """Modules that files of tests judge, at random by size: listing the changes of all takes an hour."""
-    found = [path for folder in room.code for path in sorted((ROOT / folder).rglob("*.py"))]
+    found = [path for folder in room.code for path in sorted((checkout / folder).rglob("*.py"))]
     own = [path for path in found if not any(part.is_symlink() for part in path.parents)]
-    names = [path.relative_to(ROOT).as_posix() for path in own]
-    tested = [name for name in names if _tests_of(name)]
-    sizes = [(ROOT / name).stat().st_size for name in tested]
+    names = [path.relative_to(checkout).as_posix() for path in own]
+    tested = [name for name in names if _tests_of(checkout, name)]
+    sizes = [(checkout / name).stat().st_size for name in tested]
     return sorted(set(random.Random(seed).choices(tested, sizes, k=count)))
 
 
-def _tests_of(module: str) -> tuple[str, ...]:
+def _tests_of(checkout: Path, module: str) -> tuple[str, ...]:
     """The files of tests of a module: those of its name, or the one that the table names."""
-    own = sorted((ROOT / "tests").rglob(f"test_{Path(module).stem}.py"))
-    table = tomllib.loads((ROOT / "tests" / "modules.toml").read_text(encoding="utf-8"))
+    own = sorted((checkout / "tests").rglob(f"test_{Path(module).stem}.py"))
+    table = tomllib.loads((checkout / "tests" / "modules.toml").read_text(encoding="utf-8"))
     named = table.get(Path(module).relative_to("src/obseq").as_posix())
-    return (named,) if named else tuple(path.relative_to(ROOT).as_posix() for path in own)
+    return (named,) if named else tuple(path.relative_to(checkout).as_posix() for path in own)
 
 
 def _place(item: WorkItem) -> str:

@@ -152,7 +152,7 @@ def test_the_page_of_a_stored_result_is_that_of_the_solution(solved, tmp_path, c
     assert code == (0 if record.is_complete else 1)
     assert (tmp_path / "again/bundle.html").read_text() == page(record)
     assert (tmp_path / "again/bundle.json").read_text() == record.to_json()
-    assert "Bundle adjustment: sigma0" in capsys.readouterr().out
+    assert "Image block: " in capsys.readouterr().out
     assert {form.name for form in FORMATS} == {"json", "html", "text"}
 
 

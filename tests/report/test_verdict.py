@@ -3,6 +3,7 @@ import pytest
 from obseq.report.adjusted import verdict
 from obseq.report.content import numbers_of, tables
 from obseq.report.findings import findings
+from obseq.report.named import ellipse_level, short_names
 from obseq.report.verdict import Verdict
 from obseq.report.writer import worst
 
@@ -134,3 +135,17 @@ def test_what_is_said_of_gross_errors_agrees_with_what_snooping_left_out(make) -
     assert told.title == gross
     other = Verdict(make(diagnosis=diagnosis(gross, "Zen A -> B (l.obs:3)"), snooping=snooping))
     assert other.spoilt == 1
+
+
+def test_tables_say_at_which_level_ellipses_are(make) -> None:
+    assert ellipse_level(make(ellipse_level=0.95, precision="a priori")) == "95 %, a priori"
+    assert ellipse_level(make(ellipse_level=None, precision="")) == "39 % (standard)"
+    assert ellipse_level(make(ellipse_level=None, precision=""), "ellipsoid") == "20 % (standard)"
+
+
+def test_files_of_one_name_keep_their_folders() -> None:
+    assert short_names(["a/x.obs", "b/x.obs", "b/y.obs"]) == {
+        "a/x.obs": "a/x.obs",
+        "b/x.obs": "b/x.obs",
+        "b/y.obs": "y.obs",
+    }

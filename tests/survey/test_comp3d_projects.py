@@ -138,6 +138,13 @@ def test_cartesian_frames(tmp_path):
     assert adjusted.solution.n_unknowns == 15 + 1 + 3
 
 
+def test_the_factor_of_a_polar_frame_is_for_its_absolute_sigmas(tmp_path):
+    given = project(tmp_path, obs="12 A @f.pol V 10\n", f_pol="P 10 5 80 0.002 1e-7 0.003 2e-6\n")
+    observed = given.book.observations
+    assert observed.sigmas[:3] == pytest.approx([0.02 / GON, 0.02 / GON, 0.03])
+    assert observed.relative_sigmas[:3] == pytest.approx([1e-7, 1e-7, 2e-6])
+
+
 def test_polar_frames_of_directions_alone(tmp_path):
     texts = {}
     for name, origin, turn in (("f_pol", "A", 0.4), ("g_pol", "B", 1.1), ("h_pol", "C", 3.0)):

@@ -83,8 +83,8 @@ def test_the_command_says_so_and_returns_1(tmp_path, capsys):
     command += ["--frame", FRAME, "--points-crs", "IGNF:LAMB93"]
     assert main([*command, "--json", str(tmp_path / "a.json"), "--text", str(tmp_path / "a.txt")]) == 1
     shown = capsys.readouterr().out
-    assert "LEFT OUT, because nothing determines them: point X" in shown
-    assert "LEFT OUT" in (tmp_path / "a.txt").read_text()
+    assert "point X is left out: " in shown
+    assert "point X is left out: " in (tmp_path / "a.txt").read_text()
     assert json.loads((tmp_path / "a.json").read_text())["left_out"][0]["what"] == "point X"
     assert main([*command, "--strict"]) == 2
     assert "point X" in capsys.readouterr().err

@@ -115,6 +115,15 @@ def test_drawn_errors_agree_with_the_prediction_and_with_nothing_else(planned):
     assert not compared(drawn, replace(found.adjustment, points=too_small), 3).agrees
 
 
+def test_draws_that_do_not_converge_are_counted(planned, monkeypatch):
+    from obseq.survey.planning import simulation
+
+    solved, count = simulation._adjusted, iter(range(9))
+    monkeypatch.setattr(simulation, "_adjusted", lambda *given: solved(*given) if next(count) % 3 else None)
+    drawn = simulation.draw(Simulation(planned), 7, 3)
+    assert len(drawn.errors) == len(drawn.variance_factors) == 4 and drawn.failed == 3
+
+
 def test_errors_have_the_sigmas_that_are_given(planned):
     simulation = Simulation(planned)
     rng = np.random.default_rng(5)

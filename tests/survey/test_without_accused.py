@@ -117,7 +117,7 @@ def test_the_command_writes_both_and_returns_1(tmp_path, capsys):
     assert sorted(path.stem for path in out.iterdir()) == 3 * ["adjustment"]  # never unless asked
     assert run(tmp_path, "--out", str(out), "--without-accused", "--text", str(tmp_path / "a.txt")) == 1
     shown = capsys.readouterr().out
-    assert "LEFT OUT, because an adjustment without what is accused was asked for" in " ".join(shown.split())
+    assert "Because an adjustment without what is accused was asked for" in " ".join(shown.split())
     first, second = (
         json.loads((out / f"adjustment{end}.json").read_text(encoding="utf-8"))
         for end in ("", "-without-accused")

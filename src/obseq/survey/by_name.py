@@ -114,6 +114,7 @@ def robust(book: FieldBook, loss: str, adjust: Callable[[FieldBook], Adjustment]
     for step in (named_loss("huber"), chosen_loss):  # what gives no weight at all must begin where most fits
         for _ in range(MOST_ROUNDS):
             normalised = np.nan_to_num(np.abs(found.residuals) / (found.sigmas * np.sqrt(weights)))
+            normalised[~book.observations.active] = 0.0
             now = np.maximum(step.weights(normalised), LEAST)
             if np.abs(now - weights).max(initial=0.0) < SETTLED:
                 break

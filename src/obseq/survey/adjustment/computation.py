@@ -248,6 +248,8 @@ class Computation:
         book, solution, quality = start.book, found.solution, adjusted_quality(equations, start.book, found)
         coordinates = solution.values(equations.points)
         residuals, sigmas = equations.fitted(solution)
+        rows, *beside = equations.unused(solution)
+        residuals[rows], sigmas[rows] = beside
         covariances = covariances_of(solution, equations.points, found.a_priori)
         undetermined = free_motions(equations, start.points.names)
         return Adjustment(

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares import LeastSquares
+from obseq.leastsquares import Batch, LeastSquares
+from obseq.leastsquares.assembly.evaluation import raw_residuals
+from obseq.leastsquares.problem.linear import linear_batch
+from obseq.leastsquares.problem.shapes import formula_shape
 from obseq.survey.equations.carried import moves_of
 from obseq.survey.equations.families import Family, family_of, present, rows_by_family
 from obseq.survey.equations.instruments import Instruments
@@ -18,14 +21,14 @@ from obseq.survey.equations.loose_motions import loose_motions
 from obseq.survey.equations.plumb import Plumb
 from obseq.survey.equations.shared_unknowns import SharedUnknowns
 from obseq.survey.equations.site import NetworkSite
-from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
+from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, among, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import Batch, LeastSquaresResult
+    from obseq.leastsquares import LeastSquaresResult
     from obseq.survey.equations.frame import Frame
     from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.initial.initial_values import InitialValues
@@ -183,12 +186,8 @@ class Equations:
         sigmas = 1.0 if covariance else self.sigmas(rows, coordinates)
         labels = partial(_label, self._book, rows)
         if kind.is_linear(self._site):
-            ids = list(blocks.values())
-            sizes = [int(self.system.unknowns.size[block[0]]) for block in ids]
-            parts = np.split(measured[:, :-1], np.cumsum(sizes)[:-1], axis=1)
-            batch = self.system.add_linear(
-                ids, parts, measured[:, -1], sigmas, labels=labels, group=kind.group
-            )
+            columns = self._columns(blocks, measured)
+            batch = self.system.add_linear(*columns, sigmas, labels=labels, group=kind.group)
         else:
             formula = kind.equation(WITH_OFFSETS if family.has_offsets else "")
             batch = self.system.add(formula, blocks, measured, sigmas, labels=labels, group=kind.group)
@@ -197,6 +196,49 @@ class Equations:
         self._carry(family, batch, coordinates)
         self._families.append((family, batch))
         return batch
+
+    def _columns(
+        self, blocks: dict[str, IntArray], measured: FloatArray
+    ) -> tuple[list[IntArray], list[FloatArray], FloatArray]:
+        """Unknowns, coefficients and values of linear rows."""
+        ids = list(blocks.values())
+        sizes = [int(self.system.unknowns.size[block[0]]) for block in ids]
+        return ids, np.split(measured[:, :-1], np.cumsum(sizes)[:-1], axis=1), measured[:, -1]
+
+    def unused(self, solution: LeastSquaresResult) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Rows of inactive observations that a solution says something of, (k,) residuals and sigmas.
+
+        Both points have a place there, and the instrument an orientation. Not those of groups, whose
+        unknowns others share.
+        """
+        observations, coordinates = self._book.observations, solution.values(self.points)
+        has_place = np.append(np.isfinite(coordinates).all(axis=1), False)
+        ends = np.stack([observations.from_points, observations.to_points])
+        is_there = has_place[np.minimum(ends, len(coordinates))].all(axis=0)
+        on_stations = among(observations.types, codes_where(lambda kind: kind.needs_station))
+        is_there &= (observations.stations >= 0) | ~on_stations
+        rows = np.flatnonzero(~observations.active & is_there & (observations.groups < 0))
+        unknowns, sigmas = self.system.unknowns, np.zeros(len(self._book.observations))
+        residuals, now = np.full(len(sigmas), np.nan), unknowns.state()
+        if rows.size:
+            unknowns.restore(solution.state)
+        for own in rows_by_family(observations, rows).values():
+            scales = self._grid_scales(own, coordinates)
+            sigmas[own] = self.sigmas(own, coordinates) / scales
+            residuals[own] = raw_residuals(unknowns, self._apart(own, coordinates))[:, 0] / scales
+        if rows.size:
+            unknowns.restore(now)
+        return rows, residuals[rows], sigmas[rows]
+
+    def _apart(self, rows: IntArray, coordinates: FloatArray) -> Batch:
+        """Observations of one family, in no system."""
+        family = family_of(self._book.observations, rows)
+        kind, _ = family.kinds[0]
+        measured, blocks = self._measured(family, coordinates), self._blocks(family)
+        if kind.is_linear(self._site):
+            return linear_batch(self.system.unknowns, *self._columns(blocks, measured), 1.0, None, None)
+        shape = formula_shape(kind.equation(WITH_OFFSETS if family.has_offsets else ""))
+        return Batch(shape, self.system.unknowns, blocks, measured, 1.0, None, None, None)
 
     def _blocks(self, family: Family) -> dict[str, IntArray]:
         """The unknowns of the equations of one family, by the names of the formula."""
