@@ -4,7 +4,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from unchanged import Seen
 
 import obseq.codegen.main as command
 from obseq.codegen.main import main
@@ -163,9 +162,3 @@ def test_stages(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[2] == "   9 unknowns, 10 observations, 1 residuals"
     assert lines[-1].startswith("   topography/topo_hz.py, ")
     assert _names(folder) == []
-
-
-@pytest.mark.slow
-def test_the_generated_folder_is_current(seen: Seen) -> None:
-    assert "the folder" in seen or main(["--check"]) == 0
-    seen.add("the folder")

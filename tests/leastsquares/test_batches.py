@@ -9,8 +9,8 @@ import pytest
 from obseq import FormulaError, InputError
 from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
-from obseq.leastsquares.problem.carried import Move
 from obseq.leastsquares.problem.manifolds import PLUMB
+from obseq.leastsquares.problem.shapes import Move
 
 
 @pytest.fixture

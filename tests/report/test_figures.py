@@ -43,7 +43,7 @@ def both(request, tmp_path_factory, shared_data):
         adjusted = demo().adjust(quality=Quality(ellipses=0.9), datum=Datum("inner"))
     else:
         modane = Network.read_project(shared_data / "comp3d-modane" / "project.comp")
-        adjusted = modane.adjust(quality=Quality(variance_components=True, snooping="tau"))
+        adjusted = modane.adjust(quality=Quality(variance_components=True))
     record = adjusted.record("a title")
     path = tmp_path_factory.mktemp("figures") / "result.json"
     path.write_text(to_json(record), encoding="utf-8")

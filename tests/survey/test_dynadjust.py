@@ -380,7 +380,7 @@ def test_what_dynaml_cannot_say_is_refused_by_name(tmp_path):
         (("<Type>LLh</Type>", "<Type>LLX</Type>"), "n.xml:3: 'LLX' is no type of coordinates"),
         (("<Total>2</Total>", "<Total>5</Total>"), "<Total> is 5, and 2 members are in it"),
         (("<SigmaXX>", "<SigmaXX>x"), "is not a number"),
-        (("<First>A</First>", "<First></First>"), "a name of 1 to"),
+        (("<First>A</First>", "<First></First>"), "<First> is missing before it, or empty"),
         (
             ('<?xml version="1.0"?>', '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]>'),
             "refused: XML with entities or external references",

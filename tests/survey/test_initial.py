@@ -302,6 +302,17 @@ def test_point_behind_an_unplaced_one_is_told(tmp_path):
     assert solution.reason("Q") == "observed only with points that have no position either: P"
 
 
+def test_points_that_lack_nothing_but_an_azimuth_are_told_so(tmp_path):
+    """A station on a known point that sees no other; the instrument on P has none to be oriented by."""
+    sketch = Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("A", "P", "Q").hz("P", "Q").dist("P", "Q")
+    solution = sketch.solve("A", "B")
+    advice = "an azimuth (Azim, code 8) or a reading of a known point is needed at A"
+    assert [solution.reason(name).endswith(advice) for name in "PQ"] == [True, True]
+    (station,) = [item for item in solution.values.unplaced if item.station is not None]
+    assert "an azimuth (Azim, code 8) from there" in station.reason
+    assert sketch.write("8 A P 50 0.001").solve("A", "B").values.unplaced == ()
+
+
 def test_require_complete_lists_everything(tmp_path):
     solution = (
         Sketch(tmp_path, A=A, B=B, P=P, Q=Q).full("A", "B").dist("A", "P").dist("P", "Q").solve("A", "B")

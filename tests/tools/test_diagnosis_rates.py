@@ -14,8 +14,8 @@ import bench_diagnosis as bench  # noqa: E402 (a tool, not part of the package)
 from diagnosis_verdicts import Fault, Found, Place, has_cause, verdict_of  # noqa: E402
 
 RATES = json.loads((TOOLS / "diagnosis.json").read_text("utf-8"))
-SEEDS, OF_BLOCKS = 2, 1
-"""Of each class, and of blocks, which take longer: others than those of the committed rates, from 1000 on."""
+SEEDS = 2
+"""Of each class at most: others than those of the committed rates, from 1000 on."""
 UNLIKELY = 0.01
 """Probability of so few right ones, where the rate is what was measured, below which a class has lost."""
 
@@ -28,9 +28,11 @@ def least(right, count, seeds):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", bench.CLASSES)
 def test_no_class_has_lost(name):
-    seeds = range(OF_BLOCKS if name.startswith("block") else SEEDS)
-    found, before = bench.rates(name, seeds), RATES[name]
-    assert found.right >= least(before["right"], before["count"], found.count), found.plain()
+    before, found = RATES[name], bench.rates(name, range(1))
+    wanted = least(before["right"], before["count"], SEEDS)
+    if found.right < wanted:
+        found = bench.rates(name, range(SEEDS))
+    assert found.right >= wanted, found.plain()
     assert "crash" in before["verdicts"] or not found.verdicts["crash"], found.said
 
 

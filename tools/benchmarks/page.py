@@ -118,6 +118,13 @@ def solvers(content: Any) -> Iterator[Row]:
                 yield Row(f"{phase}, {problem['problem']}", "MKL PARDISO", 1.0 / ratio, 1.2)
 
 
+def posegraphs(content: Any) -> Iterator[Row]:
+    """Pose graphs."""
+    for name, figures in content.items():
+        if "ratio" in figures:
+            yield Row(f"start and solution of {name}", "GTSAM", figures["ratio"], 1.3)
+
+
 def start(content: Any) -> Iterator[Row]:
     """Networks as processes."""
     for what, wanted in (("4 points", 1.6), ("1000 points", 5.0)):
@@ -135,6 +142,7 @@ BENCHES = (
     Bench("bench_evaluation.py", evaluation, (), (*FEW, "--rounds", "5")),
     Bench("bench_small.py", small, ("--jacobian",), ("--jacobian", "--rounds", "5")),
     Bench("bench_solvers.py", solvers, ("survey-10k", "survey-100k"), ("survey-10k", "--rounds", "3")),
+    Bench("bench_posegraph.py", posegraphs, (), ("--rounds", "3")),
     Bench("bench_start.py", start, (), ("--rounds", "5")),
     Bench(
         "bench_bundle.py",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from obseq.survey.kinds.directions import AZIM
 from obseq.survey.model import (
     Cluster,
     FieldBook,
@@ -93,6 +94,25 @@ class Columns:
         self._origins.append(origin)
         self._orientations.append(orientation)
         return len(self._origins) - 1
+
+    def station_of(self, kind: ObservationKind, origin: int, plumb: dict[int, int]) -> int:
+        """Station of an observation: azimuths have their own, others share the plumb one of their point.
+
+        Args:
+            kind: What is observed.
+            origin: Row of its point.
+            plumb: Plumb stations by the row of their point; takes the one that is opened.
+
+        Returns:
+            Its index; -1 where the kind is read on no instrument.
+        """
+        if not kind.needs_station:
+            return -1
+        if kind is AZIM:
+            return self.open_station(origin, Orientation.FIX)
+        if origin not in plumb:
+            plumb[origin] = self.open_station(origin, Orientation.VERT)
+        return plumb[origin]
 
     def open_group(self, name: str, parent: int = -1, numbers: tuple[float, ...] = ()) -> int:
         """Index of a new group of observations that share unknowns, or numbers that their formula takes."""

@@ -63,6 +63,17 @@ class Element:
                 return child
         return None
 
+    def inside(self, name: str) -> Element:
+        """The first of its children of a name, which must be there.
+
+        Raises:
+            InputError: It is not.
+        """
+        found = self.first(name)
+        if found is None:
+            raise self.problem(f"{name} is missing")
+        return found
+
     def content(self, name: str, default: str | None = None) -> str:
         """What stands in its first child of a name, without white space around it.
 

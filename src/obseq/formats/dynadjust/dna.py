@@ -23,6 +23,7 @@ from obseq.formats.dynadjust.records import (
     radians_of_packed,
     radians_of_parts,
 )
+from obseq.reading.angles import SECOND
 from obseq.reading.text import quoted, read_text
 
 if TYPE_CHECKING:
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.reading.text import TextFile
 
-SECOND = math.pi / 648_000.0
 Span = tuple[int, int]
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.formats.dynadjust.dna import SECOND
 from obseq.formats.dynadjust.records import (
     ANGLES,
     GEOGRAPHIC,
@@ -22,13 +21,13 @@ from obseq.formats.dynadjust.records import (
     decimal_year,
     radians_of_packed,
 )
-from obseq.reading.text import LONGEST_NAME, quoted
+from obseq.reading.angles import SECOND
+from obseq.reading.text import quoted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from obseq.arrays import FloatArray
-    from obseq.errors import InputError
     from obseq.reading.xml import Element
 
 _MEMBERS = {"G": "GPSBaseline", "X": "GPSBaseline", "Y": "Clusterpoint"}
@@ -58,12 +57,12 @@ class DynamlFile:
                 yield self._measurement(element)
 
     def _measurement(self, element: Element) -> MeasurementRecord:
-        code = _content(element, "Type")
+        code = element.content("Type")
         if code not in TYPES or len(code) != 1:
             raise element.error(f"{quoted(code)!r} is not a type of measurement ({', '.join(sorted(TYPES))})")
-        epoch = _epoch(element, _content(element, "Epoch", ""))
+        epoch = _epoch(element, element.content("Epoch", ""))
         header = Header(
-            _content(element, "ReferenceFrame", "") or self.header.frame,
+            element.content("ReferenceFrame", "") or self.header.frame,
             self.header.epoch if math.isnan(epoch) else epoch,
         )
         make = _cluster if code in _MEMBERS else _directions if code == "D" else _single
@@ -71,17 +70,15 @@ class DynamlFile:
 
 
 def _station(element: Element) -> StationRecord:
-    coordinates = element.first("StationCoord")
-    if coordinates is None:
-        raise _missing(element, "StationCoord")
+    coordinates = element.inside("StationCoord")
     return StationRecord(
         _name(element, "Name"),
-        _content(element, "Constraints"),
-        _content(element, "Type"),
-        (_number(coordinates, "XAxis"), _number(coordinates, "YAxis"), _number(coordinates, "Height")),
-        _content(coordinates, "HemisphereZone", ""),
-        _content(element, "Description", ""),
-        _place(element),
+        element.content("Constraints"),
+        element.content("Type"),
+        (coordinates.numeric("XAxis"), coordinates.numeric("YAxis"), coordinates.numeric("Height")),
+        coordinates.content("HemisphereZone", ""),
+        element.content("Description", ""),
+        Place.of(element),
     )
 
 
@@ -92,32 +89,32 @@ def _single(element: Element, code: str, header: Header) -> MeasurementRecord:
         code,
         _is_on(element),
         tuple(_name(element, tag) for tag in tags),
-        _packed(element) if is_angle else _number(element, "Value"),
-        _number(element, "StdDev") * (SECOND if is_angle else 1.0),
-        (_number(element, "InstHeight", 0.0), _number(element, "TargHeight", 0.0)),
+        _packed(element) if is_angle else element.numeric("Value"),
+        element.numeric("StdDev") * (SECOND if is_angle else 1.0),
+        (element.numeric("InstHeight", 0.0), element.numeric("TargHeight", 0.0)),
         header=header,
-        place=_place(element),
+        place=Place.of(element),
     )
 
 
 def _directions(element: Element, code: str, header: Header) -> MeasurementRecord:
     station = _name(element, "First")
-    parts = [(element, "Second"), *((child, "Target") for child in _all(element, "Directions"))]
+    parts = [(element, "Second"), *((child, "Target") for child in element.named("Directions"))]
     members = tuple(
         Member(
             (station, _name(part, tag)),
             (_packed(part),),
-            _number(part, "StdDev") * SECOND,
+            part.numeric("StdDev") * SECOND,
             None,
             (),
             _is_on(part),
-            _place(part),
+            Place.of(part),
         )
         for part, tag in parts
     )
     _check_total(element, len(members) - 1)
     return MeasurementRecord(
-        code, _is_on(element), (station,), members=members, header=header, place=_place(element)
+        code, _is_on(element), (station,), members=members, header=header, place=Place.of(element)
     )
 
 
@@ -134,16 +131,16 @@ def _cluster(element: Element, code: str, header: Header) -> MeasurementRecord:
                 f"{len(member.crossed)} covariances with later members, where {len(members) - 1 - number} "
                 "are needed"
             )
-    scales = [_number(element, f"{letter}scale", 1.0) for letter in "VPLH"]
+    scales = [element.numeric(f"{letter}scale", 1.0) for letter in "VPLH"]
     return MeasurementRecord(
         code,
         _is_on(element),
         members[0].names,
         members=tuple(members),
         scales=(scales[0], scales[1], scales[2], scales[3]),
-        system=_content(element, "Coords", "XYZ"),
+        system=element.content("Coords", "XYZ"),
         header=header,
-        place=_place(element),
+        place=Place.of(element),
     )
 
 
@@ -153,83 +150,48 @@ def _parts(element: Element, code: str) -> Iterator[tuple[tuple[str, ...], Eleme
     wanted = ("First",) if code == "Y" else ("First", "Second")
     for child in element.children:
         if child.name in wanted:
-            names[child.name] = _checked_name(child)
+            child.file.check_name(child.line - 1, child.plain)
+            names[child.name] = child.plain
         elif child.name == _MEMBERS[code]:
-            missing = [tag for tag in wanted if tag not in names]
+            missing = [tag for tag in wanted if not names.get(tag)]
             if missing:
-                raise child.error(f"an element <{missing[0]}> is missing before it")
+                raise child.error(f"an element <{missing[0]}> is missing before it, or empty")
             yield tuple(names[tag] for tag in wanted), child
 
 
 def _member(names: tuple[str, ...], part: Element, is_on: bool) -> Member:
-    values = tuple(_number(part, tag) for tag in "XYZ")
-    xx, xy, xz, yy, yz, zz = (_number(part, f"Sigma{tag}") for tag in ("XX", "XY", "XZ", "YY", "YZ", "ZZ"))
+    values = tuple(part.numeric(tag) for tag in "XYZ")
+    xx, xy, xz, yy, yz, zz = (part.numeric(f"Sigma{tag}") for tag in ("XX", "XY", "XZ", "YY", "YZ", "ZZ"))
     covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    crossed = tuple(_block(child) for child in _all(part, _CROSSED[part.name]))
-    return Member(names, values, math.nan, covariance, crossed, is_on, _place(part))
+    crossed = tuple(_block(child) for child in part.named(_CROSSED[part.name]))
+    return Member(names, values, math.nan, covariance, crossed, is_on, Place.of(part))
 
 
 def _block(element: Element) -> FloatArray:
-    return np.array([[_number(element, f"m{row}{column}") for column in "123"] for row in "123"])
-
-
-def _content(element: Element, tag: str, default: str | None = None) -> str:
-    """The text of the first element inside with a name.
-
-    Raises:
-        InputError: there is none, and no default.
-    """
-    child = element.first(tag)
-    if child is None and default is None:
-        raise _missing(element, tag)
-    return ("" if child is None else child.text.strip()) or default or ""
-
-
-def _missing(element: Element, tag: str) -> InputError:
-    return element.error(f"an element <{tag}> is missing in it")
-
-
-def _number(element: Element, tag: str, default: float | None = None) -> float:
-    """The number in the first element inside with a name."""
-    text = _content(element, tag, "" if default is not None else None)
-    if not text and default is not None:
-        return default
-    return element.parsed(text, tag)
-
-
-def _all(element: Element, tag: str) -> Sequence[Element]:
-    return list(element.named(tag))
+    return np.array([[element.numeric(f"m{row}{column}") for column in "123"] for row in "123"])
 
 
 def _is_on(element: Element) -> bool:
-    return _content(element, "Ignore", "") != "*"
+    return element.content("Ignore", "") != "*"
 
 
 def _packed(element: Element) -> float:
     """The angle of <Value>."""
     try:
-        return radians_of_packed(_number(element, "Value"))
+        return radians_of_packed(element.numeric("Value"))
     except ValueError as error:
         raise element.error(str(error)) from error
 
 
 def _check_total(element: Element, count: int) -> None:
-    total = _content(element, "Total", "")
+    total = element.content("Total", "")
     if total and total != str(count):
         raise element.error(f"<Total> is {quoted(total)}, and {count} members are in it")
 
 
 def _name(element: Element, tag: str) -> str:
-    child = element.first(tag)
-    if child is None:
-        raise _missing(element, tag)
-    return _checked_name(child)
-
-
-def _checked_name(element: Element) -> str:
-    name = element.text.strip()
-    if not name or len(name) > LONGEST_NAME:
-        raise element.error(f"a name of 1 to {LONGEST_NAME} characters is needed")
+    name = element.content(tag)
+    element.file.check_name(element.line - 1, name)
     return name
 
 
@@ -238,7 +200,3 @@ def _epoch(element: Element, text: str) -> float:
         return decimal_year(text)
     except ValueError as error:
         raise element.error(f"epoch: {error}") from error
-
-
-def _place(element: Element) -> Place:
-    return Place(element.file.name, element.line)

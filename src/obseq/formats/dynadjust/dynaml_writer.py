@@ -10,7 +10,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.formats.dynadjust.dna import SECOND
+from obseq.reading.angles import SECOND
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, HEIGHT, LATITUDE, LONGITUDE
 from obseq.survey.kinds.lengths import DIST

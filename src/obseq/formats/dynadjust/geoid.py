@@ -11,6 +11,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.reading.angles import SECOND
 from obseq.reading.text import read_bytes, read_text
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
 
-SECOND = math.pi / 648_000.0
 _RECORD = 16
 _OVERVIEW, _SUB_GRID = 11, 11
 

@@ -141,21 +141,11 @@ class _Book:
             record.is_active,
             0.0,
             *record.heights,
-            station=self._station(kind, origin),
+            station=self._columns.station_of(kind, origin, self._plumb),
             group=self._scales.get(id(record), -1),
             backsight=backsight,
         )
         self._add(record, measure)
-
-    def _station(self, kind: ObservationKind, origin: int) -> int:
-        """An azimuth has a station of its own; zenith angles of a point share one."""
-        if not kind.needs_station:
-            return -1
-        if kind is AZIM:
-            return self._columns.open_station(origin, Orientation.FIX)
-        if origin not in self._plumb:
-            self._plumb[origin] = self._columns.open_station(origin, Orientation.VERT)
-        return self._plumb[origin]
 
     def _reduced(self, record: MeasurementRecord) -> float:
         """The value as our equations take it."""

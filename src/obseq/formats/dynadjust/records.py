@@ -11,6 +11,7 @@ from obseq.errors import InputError
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
+    from obseq.reading.xml import Element
 
 ANGLES = "ABKVZD"
 """Types whose value is an angle in degrees, minutes and seconds, and whose sigma is in seconds."""
@@ -34,6 +35,11 @@ class Place:
 
     file: str
     line: int
+
+    @classmethod
+    def of(cls, element: Element) -> Place:
+        """Where an element of XML begins."""
+        return cls(element.file.name, element.line)
 
     def error(self, problem: str) -> InputError:
         """An error about it."""

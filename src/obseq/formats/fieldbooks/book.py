@@ -16,11 +16,11 @@ import numpy as np
 from obseq.errors import InputError
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.default_sigmas import lacking
-from obseq.formats.fieldbooks.units import FULL_TURN, RIGHT_ANGLE
 from obseq.formats.levelled_points import hold_plans
 from obseq.formats.project import Project
 from obseq.formats.stochastic import NAME_OF, StochasticModel
 from obseq.printable import listed
+from obseq.reading.angles import FULL_TURN, RIGHT_ANGLE
 from obseq.reading.text import quoted, read_text
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ

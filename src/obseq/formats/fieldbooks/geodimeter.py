@@ -12,7 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown
-from obseq.formats.fieldbooks.units import ANGLES, dms
+from obseq.reading.angles import ANGLES, dms
 
 if TYPE_CHECKING:
     from collections.abc import Callable

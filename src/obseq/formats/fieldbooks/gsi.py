@@ -14,8 +14,8 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.formats.fieldbooks.book import SHOWN, Book, Sight, reader_of, unfilled
-from obseq.formats.fieldbooks.units import FOOT, of_sixty
 from obseq.printable import listed
+from obseq.reading.angles import FOOT, of_sixty
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING
 
 from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown, unfilled
-from obseq.formats.fieldbooks.units import ANGLES, FOOT
+from obseq.reading.angles import ANGLES, FOOT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -12,7 +12,7 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown
-from obseq.formats.fieldbooks.units import ANGLES, FOOT, RIGHT_ANGLE
+from obseq.reading.angles import ANGLES, FOOT, RIGHT_ANGLE
 
 if TYPE_CHECKING:
     from obseq.reading.text import TextFile

@@ -12,7 +12,7 @@ import re
 from typing import TYPE_CHECKING
 
 from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, reader_of, shown
-from obseq.formats.fieldbooks.units import ANGLES, FOOT, SURVEY_FOOT
+from obseq.reading.angles import ANGLES, FOOT, SURVEY_FOOT
 
 if TYPE_CHECKING:
     from obseq.reading.text import TextFile

@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, reader_of, shown
-from obseq.formats.fieldbooks.units import ANGLES, FOOT, HALF_TURN, SURVEY_FOOT
+from obseq.reading.angles import ANGLES, FOOT, HALF_TURN, SURVEY_FOOT
 
 if TYPE_CHECKING:
     from obseq.reading.text import TextFile

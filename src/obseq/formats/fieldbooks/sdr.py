@@ -11,7 +11,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, reader_of, shown, unfilled
-from obseq.formats.fieldbooks.units import ANGLES, FOOT, SURVEY_FOOT
+from obseq.reading.angles import ANGLES, FOOT, SURVEY_FOOT
 
 if TYPE_CHECKING:
     from obseq.reading.text import TextFile

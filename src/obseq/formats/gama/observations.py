@@ -17,7 +17,6 @@ from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z
-from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -166,16 +165,9 @@ class ObservationReader:
         """Directions of a set have one station; zenith angles join it, or have one of their point."""
         stations: dict[int, int] = {}
         for scalar in scalars:
-            kind, origin = scalar.measure.kind, scalar.measure.origin
-            if not kind.needs_station:
-                continue
-            if kind is AZIM:
-                station = self._columns.open_station(origin, Orientation.FIX)
-            else:
-                known = stations.get(origin)
-                station = self._columns.open_station(origin, Orientation.VERT) if known is None else known
-                stations[origin] = station
-            scalar.measure = scalar.measure._replace(station=station)
+            measure = scalar.measure
+            station = self._columns.station_of(measure.kind, measure.origin, stations)
+            scalar.measure = measure._replace(station=station)
 
     def _rises(self, element: Element, defaults: Defaults) -> list[_Scalar]:
         element.allow((), ("dh", "cov-mat"))

@@ -16,6 +16,7 @@ from obseq.formats.gama.observations import Defaults, ObservationReader
 from obseq.formats.gama.points import PointTable
 from obseq.formats.levelled_points import with_heights
 from obseq.formats.project import Project, Reading, only_one
+from obseq.reading.angles import SECOND
 from obseq.reading.xml import Element, read_xml
 from obseq.records.shown_units import ShownUnits
 
@@ -103,7 +104,7 @@ def _shown(sections: list[Element]) -> ShownUnits | None:
     """Degrees, minutes and seconds where the first angle has them."""
     sights = (sight for section in sections for group in section.named(*SETS) for sight in group.children)
     first = next((sight for sight in sights if sight.name in ANGLES), None)
-    has_degrees = first is not None and values.angle(first).unit == values.RADIANS_PER_SECOND
+    has_degrees = first is not None and values.angle(first).unit == SECOND
     return ShownUnits(angle="dms") if has_degrees else None
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.reading.angles import GON, SECOND, dashed
 from obseq.reading.text import parse_number, quoted
 
 if TYPE_CHECKING:
@@ -17,11 +17,9 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.reading.xml import Element
 
-RADIANS_PER_GON = math.pi / 200.0
+RADIANS_PER_GON = GON
 RADIANS_PER_CC = RADIANS_PER_GON * 1e-4
-RADIANS_PER_SECOND = math.pi / 648_000.0
 MILLIMETRE = 1e-3
-_DEGREES = re.compile(r"([+-]?)(\d{1,3})-(\d{1,2})-(\d{1,2}(?:\.\d*)?)", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -44,14 +42,13 @@ def angle(element: Element, name: str = "val") -> Value:
         InputError: It is neither.
     """
     text = element.wanted(name)
-    found = _DEGREES.fullmatch(text)
+    try:
+        found = dashed(text)
+    except ValueError as error:
+        raise element.error(f"<{element.name}> {name} {text}: {error}") from error
     if found is None:
         return Value(element.parsed(text, name) * RADIANS_PER_GON, RADIANS_PER_CC)
-    sign, degrees, minutes, seconds = found.groups()
-    if int(minutes) >= 60 or float(seconds) >= 60.0:
-        raise element.error(f"<{element.name}> {name} {text}: minutes and seconds are below 60")
-    size = int(degrees) * 3600 + int(minutes) * 60 + float(seconds)
-    return Value((-size if sign == "-" else size) * RADIANS_PER_SECOND, RADIANS_PER_SECOND)
+    return Value(found, SECOND)
 
 
 def length(element: Element, name: str = "val") -> Value:

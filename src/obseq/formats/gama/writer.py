@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def _lines(network: GamaNetwork) -> Iterator[str]:
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield f'<gama-local xmlns="{NAMESPACE}">'
     yield f'<network axes-xy="{network.axes}" angles="left-handed">'
-    yield f"<description>{_text(network.description)}</description>"
+    yield f"<description>{escape(network.description)}</description>"
     yield f'<parameters sigma-apr="{network.unit_sigma:.15g}" sigma-act="aposteriori" />'
     yield "<points-observations>"
     yield from writer.points()
@@ -69,10 +69,6 @@ def _lines(network: GamaNetwork) -> Iterator[str]:
     yield "</points-observations>"
     yield "</network>"
     yield "</gama-local>"
-
-
-def _text(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 @dataclass

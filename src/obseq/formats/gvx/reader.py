@@ -58,7 +58,7 @@ class _File:
             raise root.error(f"<{root.name}> is not a GVX file")
         self.root, self._points = root, {p.content("ID"): p for p in root.named("POINT")}
         systems = {system.content("ID"): system for system in root.named("REFERENCE_SYSTEM")}
-        places = [_inside(point, "COORDINATES") for point in self._points.values()]
+        places = [point.inside("COORDINATES") for point in self._points.values()]
         used = {place.content("REFERENCE_SYSTEM_ID") for place in places}
         if len(used) != 1 or not used <= systems.keys():
             raise root.error(
@@ -75,25 +75,25 @@ class _File:
     def stations(self) -> Iterator[StationRecord]:
         """The points, free, at their geocentric coordinates."""
         for point in self._points.values():
-            place = _inside(_inside(point, "COORDINATES"), "GEOCENTRIC_COORDINATES")
+            place = point.inside("COORDINATES").inside("GEOCENTRIC_COORDINATES")
             x, y, z = (place.numeric(axis) for axis in "XYZ")
-            yield StationRecord(_name(point), FREE, "XYZ", (x, y, z), "", "", _place(point))
+            yield StationRecord(_name(point), FREE, "XYZ", (x, y, z), "", "", Place.of(point))
 
     def vectors(self) -> Iterator[MeasurementRecord]:
         """The vectors, each with its covariance."""
         for element in self.root.named("GNSS_VECTOR"):
             names = tuple(self._end(element, f"{end}_POINT_ID") for end in ("INITIAL", "TERMINAL"))
-            deltas = _inside(element, "ECEF_DELTAS")
+            deltas = element.inside("ECEF_DELTAS")
             values = tuple(deltas.numeric(axis) for axis in DELTAS)
-            covariance = _covariance(_inside(element, "CORRELATION_MATRIX"))
-            member = Member(names, values, math.nan, covariance, (), True, _place(element))
+            covariance = _covariance(element.inside("CORRELATION_MATRIX"))
+            member = Member(names, values, math.nan, covariance, (), True, Place.of(element))
             yield MeasurementRecord(
                 "G",
                 True,
                 names,
                 members=(member,),
                 header=Header(self.frame, self.epoch),
-                place=_place(element),
+                place=Place.of(element),
             )
 
     def _end(self, element: Element, which: str) -> str:
@@ -106,17 +106,6 @@ class _File:
 def _name(point: Element) -> str:
     """The name of a point, as files of networks can hold it."""
     return "_".join(point.content("NAME", point.content("ID")).split())
-
-
-def _inside(element: Element, name: str) -> Element:
-    found = element.first(name)
-    if found is None:
-        raise element.problem(f"{name} is missing")
-    return found
-
-
-def _place(element: Element) -> Place:
-    return Place(element.file.name, element.line)
 
 
 def _covariance(matrix: Element) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 from typing import TYPE_CHECKING, Protocol
 
 from obseq.dataclass import dataclass
@@ -11,7 +12,6 @@ from obseq.formats.default_sigmas import lacking
 from obseq.survey.kinds.directions import AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.kinds.registry import codes
-from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -63,12 +63,12 @@ class _SetUp:
     Attributes:
         point: Name of its point.
         height: Of the instrument (m).
-        station: Its station, once something needs it.
+        stations: Its station, once something needs it.
     """
 
     point: str
     height: float
-    station: int = -1
+    stations: dict[int, int] = field(default_factory=dict)
 
 
 class SurveyReader:
@@ -217,17 +217,8 @@ class SurveyReader:
         relative = self._sigmas.get("distance-ppm", 0.0) if name == "distance" else 0.0
         lifts = heights if kind in (DIST, ZEN, DH) else (0.0, 0.0)
         measure = Measure(kind, rows[0], rows[1], number, self._sigmas[name], is_active, relative, *lifts)
-        measure = measure._replace(station=self._station(kind, set_up, rows))
+        measure = measure._replace(station=self._columns.station_of(kind, rows[0], set_up.stations))
         self._columns.append(measure, self._file, element.line - 1)
-
-    def _station(self, kind: ObservationKind, set_up: _SetUp, rows: list[int]) -> int:
-        if not kind.needs_station:
-            return -1
-        if kind is AZIM:
-            return self._columns.open_station(rows[0], Orientation.FIX)
-        if set_up.station < 0:
-            set_up.station = self._columns.open_station(rows[0], Orientation.VERT)
-        return set_up.station
 
     def warnings(self, file: str) -> Iterator[str]:
         """One sentence for each sort of elements that have no part."""

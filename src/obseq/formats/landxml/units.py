@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.reading.angles import dms
 from obseq.reading.text import quoted
 from obseq.records.shown_units import ShownUnits, length_named
 
@@ -56,13 +57,10 @@ class Units:
 
 def _packed(element: Element, name: str, text: str) -> float:
     """Degrees, minutes and seconds written as one decimal number."""
-    degrees, _, decimals = text.lstrip("+-").partition(".")
-    decimals = decimals.ljust(4, "0")
-    minutes, seconds = decimals[:2], f"{decimals[2:4]}.{decimals[4:]}"
-    if not (degrees + decimals).isdecimal() or int(minutes) >= 60 or float(seconds) >= 60.0:
-        raise element.error(f"<{element.name}> {name} {quoted(text)} is not ddd.mmss with both below 60")
-    size = int(degrees) * 3600 + int(minutes) * 60 + float(seconds)
-    return (-size if text.startswith("-") else size) * math.pi / 648_000.0
+    try:
+        return dms(text)
+    except ValueError as error:
+        raise element.error(f"<{element.name}> {name} {quoted(text)} is not ddd.mmss: {error}") from error
 
 
 def units_of(root: Element) -> Units:

@@ -31,6 +31,7 @@ from obseq.arguments import NOTHING, NUMBER, PATH, PATHS, TEXT, WORDS, expecting
 from obseq.errors import InputError
 from obseq.formats.obs.after_sigma import checked_ignore
 from obseq.formats.once import require_distinct
+from obseq.reading.angles import SECOND
 from obseq.reading.text import (
     LEAST_SIGMA,
     TextFile,
@@ -46,7 +47,6 @@ from obseq.writing import write_text
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-RADIANS_PER_ARC_SECOND = math.pi / 648_000.0
 LARGEST_DEFLECTION = 600.0
 """Arc seconds; beyond it a deflection is a mistake."""
 _FREE, _GIVEN, _HELD = "free", "given", "held"
@@ -229,7 +229,7 @@ def _deflection(file: TextFile, index: int, seconds: list[float]) -> tuple[float
             f"{LARGEST_DEFLECTION:g}; "
             "correct it, or begin a remark with *",
         )
-    return east * RADIANS_PER_ARC_SECOND, north * RADIANS_PER_ARC_SECOND
+    return east * SECOND, north * SECOND
 
 
 def _sigmas(
@@ -289,7 +289,7 @@ def _cor_line(points: Points, row: int) -> str:
             raise InputError(f"point {name} has {known} only, which a COR file cannot say; write .csv")
         raise InputError(f"point {name} has no coordinates; leave it out of the COR file")
     start = " ".join([name, *(repr(float(value)) for value in xyz)])
-    plumb = points.deflections[row] / RADIANS_PER_ARC_SECOND
+    plumb = points.deflections[row] / SECOND
     deflection = [] if np.isnan(plumb).any() else [f"{seconds:.9g}" for seconds in plumb]
     if np.isnan(sigmas).all():
         return " ".join(["0", start, *deflection])

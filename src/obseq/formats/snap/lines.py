@@ -11,6 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 from obseq.formats.dynadjust.records import radians_of_packed, radians_of_parts
 from obseq.formats.snap.systems import system_of
+from obseq.reading.angles import SECOND
 from obseq.reading.text import quoted
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from obseq.formats.snap.systems import System
     from obseq.reading.text import TextFile
 
-SECOND = math.pi / 648_000.0
 ANGLES, SIDED = ("HA", "ZD", "AZ", "PB"), {"LT": "NS", "LN": "EW"}
 LENGTHS = ("SD", "HD", "ED", "MD", "DR")
 VECTORS = ("GB", "GX")

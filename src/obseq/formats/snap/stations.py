@@ -11,6 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 from obseq.formats.dynadjust.records import Place, radians_of_parts
 from obseq.formats.snap.systems import System, system_of
+from obseq.reading.angles import SECOND
 from obseq.reading.text import quoted, read_text
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.reading.text import TextFile
 
-SECOND = math.pi / 648_000.0
 SIDES = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
 OPTIONS = ("orthometric_heights", "ellipsoidal_heights", "deflections", "geoid_heights", "station_orders")
 """Words of the third line; with `no_` before them they are off."""

@@ -306,12 +306,7 @@ class ObservationLines:
         if line.options.delta:
             self._add(line, DH, start, to, line.length(text), sigma, heights)
             return
-        value = line.angle(text) % FULL_TURN
-        origin = self._row(line, start)
-        station = self._plumb.get(origin)
-        if station is None:
-            station = self._plumb[origin] = self._columns.open_station(origin, Orientation.VERT)
-        self._add(line, ZEN, start, to, value, sigma, heights, station=station)
+        self._add(line, ZEN, start, to, line.angle(text) % FULL_TURN, sigma, heights)
 
     def _add(
         self,
@@ -329,8 +324,8 @@ class ObservationLines:
         origin, target = self._row(line, start), self._row(line, to)
         if origin == target:
             raise line.error(f"{start} is observed from itself; correct one of the names")
-        if kind is AZIM:
-            station = self._columns.open_station(origin, Orientation.FIX)
+        if station < 0:
+            station = self._columns.station_of(kind, origin, self._plumb)
         deviation, relative = self._sigma_parts(line, kind, sigma)
         third = self._row(line, backsight) if backsight else -1
         group = self._columns.instrument(line.options.instrument)

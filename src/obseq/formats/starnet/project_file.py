@@ -12,8 +12,9 @@ import re
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.formats.starnet.values import FEET, GON, SECOND, Options
+from obseq.formats.starnet.values import FEET, Options
 from obseq.formats.stochastic import Sigmas, StochasticModel
+from obseq.reading.angles import GON, SECOND
 from obseq.reading.text import read_text
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
+from obseq.reading.angles import DASHED, GON, SECOND, dashed, dms
 from obseq.reading.text import quoted
 from obseq.records.shown_units import ShownUnits, length_named
 
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
 
     from obseq.reading.text import TextFile
 
-DEGREE = math.pi / 180.0
-GON = math.pi / 200.0
-SECOND = DEGREE / 3600.0
 FEET = {"feetus": 1200.0 / 3937.0, "feetint": 0.3048}
 FREE, FIXED, DEFAULT, NOT_MEASURED = "*", "!", "&", "?"
 MARKS = (FREE, FIXED, DEFAULT)
@@ -26,7 +24,6 @@ HELD_LENGTH, HELD_ANGLE = 1e-6, 1e-9
 """Standard deviations (m, rad) of observations that are fixed (`!`)."""
 _JOINED = re.compile(r"[*!&]{2,}")
 """Codes of standard errors that are written together."""
-_DASHED = re.compile(r"([+-]?)(\d{1,3})-(\d{1,2})-(\d{1,2}(?:\.\d*)?)", re.ASCII)
 _PACKED = re.compile(r"([+-]?)(\d{1,3})(?:\.(\d*))?", re.ASCII)
 _BEARING = re.compile(r"([NS])(.+)([EW])", re.IGNORECASE)
 
@@ -118,19 +115,15 @@ class Line:
         """An angle in gon, `d-m-s` or packed `d.mmss`, in radians."""
         if self.options.has_gons:
             return self.number(text) * GON
-        dashed, packed = _DASHED.fullmatch(text), _PACKED.fullmatch(text)
-        if dashed:
-            sign, degrees, minutes, seconds = dashed.groups()
-        elif packed:
-            sign, degrees = packed[1], packed[2]
-            decimals = (packed[3] or "").ljust(4, "0")
-            minutes, seconds = decimals[:2], f"{decimals[2:4]}.{decimals[4:]}"
-        else:
+        try:
+            found = dashed(text)
+            if found is None and _PACKED.fullmatch(text):
+                found = dms(text)
+        except ValueError as error:
+            raise self.error(f"the angle {text}: {error}") from error
+        if found is None:
             raise self.error(f"{quoted(text)!r} is no angle: ddd-mm-ss.s, or packed ddd.mmss")
-        if int(minutes) >= 60 or float(seconds) >= 60.0:
-            raise self.error(f"the angle {text}: minutes and seconds are below 60")
-        size = int(degrees) * 3600 + int(minutes) * 60 + float(seconds)
-        return (-size if sign == "-" else size) * SECOND
+        return found
 
     def bearing(self, text: str) -> float:
         """An azimuth, or a bearing such as `N23-10-15E`, in radians from north."""
@@ -147,7 +140,7 @@ class Line:
         As in STAR*NET it is one when it has dashes and can be read so.
         """
         found = _BEARING.fullmatch(text)
-        is_bearing = _DASHED.fullmatch(found[2] if found else text) is not None
+        is_bearing = DASHED.fullmatch(found[2] if found else text) is not None
         return self.bearing(text) if is_bearing else None
 
     def names(self, text: str, count: int) -> list[str]:

@@ -10,17 +10,17 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import real, text, texts, truths
-from obseq.leastsquares.problem.carried import carried_of
 from obseq.leastsquares.problem.clusters import Clusters
 from obseq.leastsquares.problem.given import (
+    Measured,
     block_columns,
     observation_rows,
     rows_given,
     stretched_columns,
 )
 from obseq.leastsquares.problem.losses import named_loss
-from obseq.leastsquares.problem.measured import Measured
 from obseq.leastsquares.problem.padding import fill_padded, padded, padded_length
+from obseq.leastsquares.problem.shapes import carried_of
 from obseq.leastsquares.problem.weights import Weighing, root_weights
 
 if TYPE_CHECKING:
@@ -30,10 +30,9 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.problem.carried import Move
     from obseq.leastsquares.problem.clusters import Covariance
     from obseq.leastsquares.problem.losses import Loss
-    from obseq.leastsquares.problem.shapes import Shape
+    from obseq.leastsquares.problem.shapes import Move, Shape
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
     Labels = Sequence[str] | Callable[[int], str] | None

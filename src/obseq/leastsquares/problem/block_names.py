@@ -1,4 +1,4 @@
-"""The kinds of unknowns of a system, and the ids of the blocks of each kind by name."""
+"""The kinds of unknowns of a system, ids of blocks of each kind by name, components of a block."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.leastsquares.problem.arguments import texts
+from obseq.leastsquares.problem.arguments import texts, whole
 from obseq.leastsquares.problem.manifolds import MANIFOLDS
 
 if TYPE_CHECKING:
@@ -82,3 +82,21 @@ class BlockNames:
         if not isinstance(label, str) or label.upper() not in upper:
             raise InputError(f"no kind of unknown is called {label!r}; there are {', '.join(labels)}")
         return upper.index(label.upper())
+
+
+def component_number(known: tuple[str, ...], component: str | int, size: int, what: str) -> int:
+    """Number of a component given by name or by number."""
+    if isinstance(component, str):
+        for number, name in enumerate(known):
+            if component in called(name):
+                return number
+        raise InputError(f"{what}: no component {component!r}; there are {', '.join(known)}")
+    number = whole(component, f"{what}, component")
+    if not 0 <= number < size:
+        raise InputError(f"{what}: no component {number}; they go from 0 to {size - 1}")
+    return number
+
+
+def called(component: str) -> tuple[str, str]:
+    """What a component may be called: `rotation.x`, or `x`."""
+    return component, component.rpartition(".")[2]

@@ -1,14 +1,15 @@
-"""What assembly must know of a formula: its blocks, its rows of a tile, its kernels."""
+"""What assembly must know of a formula: its blocks, its rows of a tile, its kernels, what moves what."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, InputError
+from obseq.leastsquares.problem.padding import padded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -201,3 +202,37 @@ def linear_shape(table: UnknownTable, columns: Sequence[IntArray], is_tangent: b
         roles.append(Role(str(number), manifold.label, row, size))
         row += size
     return Shape("linear", tuple(roles), (), tuple(range(row, 2 * row + 1)), row, 1, 2 * row + 1, None)
+
+
+class Move(NamedTuple):
+    """What a block of three of an equation does to another, or to the residuals.
+
+    A plumb line, say, that turns with its point.
+
+    Attributes:
+        moving: its place among the arguments of the formula.
+        moved: that of the block that it moves; None for the residuals themselves.
+        how: (n, 3, 3) the movement of that block by its own; (n, 3) derivatives of the residual.
+    """
+
+    moving: int
+    moved: int | None
+    how: FloatArray
+
+
+def carried_of(shape: Shape, moves: Sequence[Move], n: int) -> tuple[IntArray, FloatArray]:
+    """(k, 3) places of n equations' derivatives, and (rows, n padded) numbers, as `BatchArrays` has them.
+
+    Derivatives are read before anything is added to them: what moves others comes before what moves itself,
+    and that before what moves residuals.
+    """
+    moves = sorted(moves, key=lambda move: (move.moved is None, move.moving == move.moved))
+    rows = [move.how.reshape(n, -1).T for move in moves]
+    starts = np.cumsum([0, *map(len, rows)]).tolist()
+    first = [role.row for role in shape.roles]
+    places = [
+        (first[move.moving], -1 if move.moved is None else first[move.moved], start)
+        for move, start in zip(moves, starts, strict=False)
+    ]
+    numbers = np.concatenate([np.zeros((0, n)), *rows])
+    return np.array(places, np.int64).reshape(-1, 3), padded(numbers, np.float64)

@@ -11,12 +11,10 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, plain
-from obseq.leastsquares.problem.block_names import BlockNames
-from obseq.leastsquares.problem.components import called, component_number
-from obseq.leastsquares.problem.growing import GrowingArray
-from obseq.leastsquares.problem.manifolds import CurvedBlocks
+from obseq.leastsquares.problem.block_names import BlockNames, called, component_number
+from obseq.leastsquares.problem.manifolds import CurvedBlocks, Perspective
 from obseq.leastsquares.problem.owner import Owner
-from obseq.leastsquares.problem.perspective import Perspective
+from obseq.leastsquares.problem.padding import GrowingArray
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -14,8 +14,7 @@ from obseq.leastsquares.assembly.at_once import batch_members
 from obseq.leastsquares.assembly.clusters import are_few, whitened_rows
 from obseq.leastsquares.assembly.evaluation import evaluate_members, whitened_residual_rows
 from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, SparseInverse
-from obseq.leastsquares.problem.growing import PADDING
-from obseq.leastsquares.problem.padding import padded_length
+from obseq.leastsquares.problem.padding import PADDING, padded_length
 from obseq.leastsquares.problem.weights import root_weights
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.problem.carried import Move
+from obseq.leastsquares.problem.shapes import Move
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -113,7 +113,19 @@ def _reason(known: Known, graph: SightGraph, best: BestPosition | None, linked: 
             f"the geometry is too weak (it has {has}): sights nearly parallel, or a point near the circle "
             "through the targets; an observation in another direction is needed"
         )
-    return f"it has only {has}; {_advice(relations)}"
+    return f"it has only {has}; {_advice(relations, _unoriented(known, graph, point))}"
+
+
+def _unoriented(known: Known, graph: SightGraph, point: int) -> list[str]:
+    """Names of placed points from which only stations without orientation read a point."""
+    return [
+        known.names[origin]
+        for station, origin in enumerate(graph.origins)
+        if known.is_placed(origin)
+        and known.station_steps[station] is None
+        and graph.orientations[station] == Orientation.VERT.value
+        and np.isfinite(graph.reading_between(station, point))
+    ]
 
 
 def _are_enough(relations: list[Relation]) -> bool:
@@ -149,7 +161,7 @@ def listed(known: Known, relations: list[Relation]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _advice(relations: list[Relation]) -> str:
+def _advice(relations: list[Relation], unoriented: list[str]) -> str:
     kinds = {relation.kind for relation in relations}
     if kinds <= {
         Measured.LEVEL,
@@ -163,6 +175,8 @@ def _advice(relations: list[Relation]) -> str:
         return "a distance, or a direction from another point, is needed"
     if kinds <= {Measured.READING_AT, Measured.ZENITH_AT}:
         return "a resection needs directions to three known points"
+    if unoriented:
+        return f"an azimuth (Azim, code 8) or a reading of a known point is needed at {_names(unoriented)}"
     return "more observations from known points are needed"
 
 
@@ -183,4 +197,7 @@ def _station_reason(known: Known, graph: SightGraph, station: int) -> str:
     placed = [known.names[target] for target in graph.targets(station) if known.is_placed(target)]
     if placed:
         return f"the placed points that it sees ({_names(placed)}) are on its vertical, or have no reading"
-    return "none of its targets has a position, so nothing gives the azimuth of its zero"
+    return (
+        "none of its targets has a position, so nothing gives the azimuth of its zero; an azimuth (Azim, "
+        "code 8) from there, or a reading of a known point, does"
+    )

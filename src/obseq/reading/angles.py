@@ -1,8 +1,9 @@
-"""Units of field books: angles as instruments write them."""
+"""Angles as instruments and surveyors write them, and feet."""
 
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from obseq.reading.text import parse_number
@@ -12,7 +13,8 @@ if TYPE_CHECKING:
 
 FOOT, SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
 """International foot, foot of the United States' surveys (m)."""
-SECOND = math.pi / 648_000.0
+GON, DEGREE, SECOND = math.pi / 200.0, math.pi / 180.0, math.pi / 648_000.0
+"""Radians."""
 FULL_TURN, HALF_TURN, RIGHT_ANGLE = 2.0 * math.pi, math.pi, 0.5 * math.pi
 
 
@@ -25,6 +27,23 @@ def of_sixty(degrees: int, minutes: int, seconds: float) -> float:
     if minutes >= 60 or seconds >= 60.0:
         raise ValueError("minutes and seconds are below 60")
     return (degrees * 3600 + minutes * 60 + seconds) * SECOND
+
+
+DASHED = re.compile(r"([+-]?)(\d{1,3})-(\d{1,2})-(\d{1,2}(?:\.\d*)?)", re.ASCII)
+
+
+def dashed(text: str) -> float | None:
+    """Radians of `ddd-mm-ss.s`; None of a text that is written in another way.
+
+    Raises:
+        ValueError: Minutes or seconds are not below 60.
+    """
+    found = DASHED.fullmatch(text)
+    if found is None:
+        return None
+    sign, degrees, minutes, seconds = found.groups()
+    angle = of_sixty(int(degrees), int(minutes), float(seconds))
+    return -angle if sign == "-" else angle
 
 
 def dms(text: str) -> float:
@@ -48,8 +67,8 @@ def _times(factor: float) -> Callable[[str], float]:
 
 ANGLES: dict[str, Callable[[str], float]] = {
     "dms": dms,
-    "gon": _times(math.pi / 200.0),
-    "deg": _times(math.pi / 180.0),
+    "gon": _times(GON),
+    "deg": _times(DEGREE),
     "mil": _times(math.pi / 3200.0),
 }
 """Radians of an angle in a text, by its unit."""
