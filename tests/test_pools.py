@@ -70,24 +70,28 @@ def adjust():
     Network.read(folder + "/demo.obs", folder + "/demo.cor", points_crs="IGNF:LAMB93").adjust()
 
 def work():
-    while True:
+    while not is_over.is_set():
         adjust()
 
 adjust()  # what another thread imports, no process that is forked meanwhile can import
-threading.Thread(target=work, daemon=True).start()
+is_over, children = threading.Event(), []
+thread = threading.Thread(target=work)
+thread.start()
 for number in range(30):
     time.sleep(0.003 * (number % 7))
-    child = os.fork()
-    if not child:
+    children.append(os.fork())
+    if not children[-1]:
         adjust()
         os._exit(0)
-    begin = time.monotonic()
-    while os.waitpid(child, os.WNOHANG)[0] == 0:
-        if time.monotonic() > begin + 20.0:
-            os.kill(child, 9)
-            os._exit(3)
-        time.sleep(0.002)
-os._exit(0)
+is_over.set()
+thread.join()
+end, waiting = time.monotonic() + 60.0, set(children)
+while waiting and time.monotonic() < end:
+    waiting -= {child for child in waiting if os.waitpid(child, os.WNOHANG)[0]}
+    time.sleep(0.01)
+for child in waiting:
+    os.kill(child, 9)
+os._exit(3 if waiting else 0)
 """
 
 

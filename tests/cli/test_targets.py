@@ -1,6 +1,8 @@
 """The commands of coded targets, from a set to measures."""
 
+import contextlib
 import csv
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +15,22 @@ SPEC = "IGNIndoor_Nbb12_Freq2_Hamm3_Run2_3_FullSpecif.xml"
 SMALL = "--size 420 320 --focal 900 --targets 4 --sizes 50 70"
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a set and two images of it."""
+    folder = tmp_path_factory.mktemp("site")
+    with contextlib.chdir(folder):
+        assert main("targets generate IGNIndoor".split()) == 0
+        command = f"targets simulate --spec {SPEC} --images 2 {SMALL}"
+        assert main([*command.split(), "--out", "photos"]) == 0
+    return folder
+
+
 @pytest.fixture
-def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder, with a set and two images of it."""
+def site(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with what was made once."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    assert main("targets generate IGNIndoor".split()) == 0
-    command = (
-        f"targets simulate --spec {SPEC} --images 2 --size 420 320 --focal 900 --targets 4 --sizes 50 70"
-    )
-    assert main([*command.split(), "--out", "photos"]) == 0
     return tmp_path
 
 
