@@ -3,7 +3,7 @@
 import argparse
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import USUAL, Detail, told
+from obseq.stopwatch import Progress, silent
 from obseq.writing import STANDARD_OUTPUT, write_all
 
 if TYPE_CHECKING:
@@ -122,15 +123,30 @@ def show_adjustment(
     show(found, [*others, *written], detail, seconds)
 
 
+def telling(writers: Mapping[Path, Callable[[], str]], told: Progress) -> dict[Path, Callable[[], str]]:
+    """What writes some files, each of which says how far the writing is."""
+
+    def written(number: int, write: Callable[[], str]) -> str:
+        told(f"write: file {number} of {len(writers)}")
+        return write()
+
+    return {path: partial(written, k, write) for k, (path, write) in enumerate(writers.items(), 1)}
+
+
 def write(
-    record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str | bytes] | None = None
+    record: AdjustmentRecord,
+    outputs: Outputs,
+    others: Mapping[Path, str | bytes] | None = None,
+    told: Progress = silent,
 ) -> AdjustmentRecord:
     """Write all the results that can be made, other files among them; the record with what cannot."""
     boundary = Boundary()
-    texts = boundary.texts({path: partial(form.write, record) for path, form in outputs})
+    writers = {path: partial(form.write, record) for path, form in outputs}
+    texts = boundary.texts(telling(writers, told))
     write_all({**(others or {}), **texts})
-    told = tuple(boundary.failures)
-    return structs.replace(record, warnings=(*told, *record.warnings), failures=(*record.failures, *told))
+    failures = tuple(boundary.failures)
+    warnings = (*failures, *record.warnings)
+    return structs.replace(record, warnings=warnings, failures=(*record.failures, *failures))
 
 
 def _inside(folder: Path, stem: str) -> Iterator[tuple[Format, Path]]:

@@ -23,21 +23,30 @@ from obseq.diagnosis.verdict import Status, Verdict
 from obseq.errors import ObseqError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.diagnosis.policy import Policy
     from obseq.diagnosis.protocol import Model
 
 
-def diagnose(model: Model[Place], policy: Policy = POLICY, *, is_patient: bool = True) -> Verdict:
+def diagnose(
+    model: Model[Place],
+    policy: Policy = POLICY,
+    *,
+    is_patient: bool = True,
+    told: Callable[[str], None] | None = None,
+) -> Verdict:
     """What is wrong with a model, or that nothing is.
 
     Args:
         model: It.
         policy: How it is judged.
         is_patient: Whether single errors are looked for even where more than half of all is off.
+        told: Receives how many of the iterations that it may spend are spent.
     """
-    return Search(model, policy, is_patient=is_patient).verdict()
+    search = Search(model, policy, is_patient=is_patient)
+    search.told = told
+    return search.verdict()
 
 
 class Search(Generic[Place]):
@@ -50,6 +59,7 @@ class Search(Generic[Place]):
         self._steps = 0
         self._last: tuple[Place, LinearTests] | None = None
         self._is_large = False
+        self.told: Callable[[str], None] | None = None
 
     def verdict(self) -> Verdict:
         """What is wrong."""
@@ -166,8 +176,14 @@ class Search(Generic[Place]):
                 break
         return best
 
+    def _spend(self, steps: int) -> None:
+        self._steps += steps
+        if self.told is not None and self._budget:
+            spent = min(self._steps, self._budget)
+            self.told(f"search for errors: iteration {spent} of {self._budget}")
+
     def _robust(self, without: Sequence[Change]) -> Place | None:
-        self._steps += 26
+        self._spend(26)
         try:
             return self._model.robust(without)
         except ObseqError:
@@ -234,7 +250,7 @@ class Search(Generic[Place]):
 
     def _adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool]:
         place, converged, steps = self._model.adjusted(place, changes)
-        self._steps += steps
+        self._spend(steps)
         return place, converged
 
     def _selected(self, tests: LinearTests, first: list[int], *, is_robust: bool) -> tuple[int, ...]:

@@ -63,6 +63,7 @@ def record_of(
     begin: Callable[[Points, FieldBook], Determined],
     of: Callable[[Determined], NetworkModel],
     policy: Policy = POLICY,
+    told: Callable[[str], None] | None = None,
 ) -> DiagnosisRecord:
     """What is wrong with a network: single errors, groups, and what is only seen when values are rewritten.
 
@@ -72,17 +73,18 @@ def record_of(
         begin: Points and observations -> what can be computed of them, at initial values.
         of: Such a network -> its model.
         policy: How it is judged.
+        told: Receives how far the search is.
     """
-    found = diagnosis_of(model, units, policy, is_patient=False)
+    found = diagnosis_of(model, units, policy, is_patient=False, told=told)
     count = max(len(found.verdict.accused), found.verdict.many)
     if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and count <= _FEW:
         return found.record()
     from obseq.survey.diagnosing.rewritings import best_rewriting
 
     trial = best_rewriting(model, begin, of, is_many=count > _FEW)
-    rest = None if trial is None else diagnosis_of(of(trial.start), units, policy).record()
+    rest = None if trial is None else diagnosis_of(of(trial.start), units, policy, told=told).record()
     if found.verdict.many and (rest is None or rest.status not in ("accepted", "explained")):
-        found = diagnosis_of(model, units, policy)
+        found = diagnosis_of(model, units, policy, told=told)
         count = max(len(found.verdict.accused), found.verdict.many)
     own = found.record()
     if trial is None or rest is None:
@@ -96,7 +98,12 @@ def record_of(
 
 
 def diagnosis_of(
-    model: NetworkModel, units: Units, policy: Policy = POLICY, *, is_patient: bool = True
+    model: NetworkModel,
+    units: Units,
+    policy: Policy = POLICY,
+    *,
+    is_patient: bool = True,
+    told: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """The diagnosis of a network."""
-    return Diagnosis(diagnose(model, policy, is_patient=is_patient), model, units)
+    return Diagnosis(diagnose(model, policy, is_patient=is_patient, told=told), model, units)
