@@ -44,9 +44,13 @@ class Boundary:
         try:
             return work()
         except Exception as error:
-            _LOG.info("%s failed", what, exc_info=True)
-            self.failures.append(_sentence(what, error))
+            self.tell(what, error)
             return otherwise
+
+    def tell(self, what: str, error: Exception) -> None:
+        """Keeps a failure."""
+        _LOG.info("%s failed", what, exc_info=error)
+        self.failures.append(_sentence(what, error))
 
     def texts(self, writers: Mapping[Path, Callable[[], Text]]) -> dict[Path, Text]:
         """The texts of files by their writers; without those that fail."""

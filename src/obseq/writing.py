@@ -8,9 +8,11 @@ import stat
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
+from typing import IO, TypeAlias
 
 from obseq.errors import InputError
 
@@ -45,12 +47,20 @@ def check_writable(outputs: Iterable[Path], inputs: Iterable[Path] = ()) -> None
         _check(path)
 
 
-def write_all(texts: Mapping[Path, str | bytes]) -> None:
+Content: TypeAlias = str | bytes | Callable[[IO[bytes]], None]
+"""Of a file: a text, bytes, or what writes it."""
+
+
+def write_all(texts: Mapping[Path, Content], told: Callable[[str, Exception], None] | None = None) -> None:
     """Write all the files or none: each is written beside its place, then they replace what was there.
 
-    Texts are written in UTF-8 as they are, bytes too. A file that is replaced hands its permissions on. What
-    killed runs left behind for the same files is deleted. An interruption while files are being replaced
-    waits until all are.
+    Texts are written in UTF-8 as they are, bytes too; what is too long for memory, a function writes. A file
+    that is replaced hands its permissions on. What killed runs left behind for the same files is deleted. An
+    interruption while files are being replaced waits until all are.
+
+    Args:
+        texts: What each file holds.
+        told: Is told which function failed, and how; the other files are written then.
 
     Raises:
         InputError: A file cannot be written (a full disk, for instance).
@@ -68,7 +78,8 @@ def write_all(texts: Mapping[Path, str | bytes]) -> None:
             else:
                 _clean(target)
                 staged[_beside(target, "part")] = target
-                _write(_beside(target, "part"), text, target)
+                if not _is_written(_beside(target, "part"), text, target, told):
+                    del staged[_beside(target, "part")]
         _replace_together(staged)
     except OSError as error:
         raise InputError(f"{error.filename}: the results cannot be written ({error.strerror}).") from error
@@ -124,8 +135,12 @@ def _is_stream(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
-def _encoded(text: str | bytes) -> bytes:
-    return text.encode("utf-8") if isinstance(text, str) else text
+def _encoded(content: Content) -> bytes:
+    if callable(content):
+        held = BytesIO()
+        content(held)
+        return held.getvalue()
+    return content.encode("utf-8") if isinstance(content, str) else content
 
 
 def _print(data: bytes) -> None:
@@ -134,7 +149,7 @@ def _print(data: bytes) -> None:
     sys.stdout.flush()
 
 
-def _pour(stream: Path, text: str | bytes) -> None:
+def _pour(stream: Path, text: Content) -> None:
     """The text into something that is no file on a disk."""
     try:
         stream.write_bytes(_encoded(text))
@@ -142,10 +157,13 @@ def _pour(stream: Path, text: str | bytes) -> None:
         raise OSError(error.errno, error.strerror, str(stream)) from error
 
 
-def _write(temporary: Path, text: str | bytes, target: Path) -> None:
+def _write(temporary: Path, text: Content, target: Path) -> None:
     """The text on the disk, with the owner and the permissions of the file that it will replace."""
     with temporary.open("wb") as file:
-        file.write(_encoded(text))
+        if callable(text):
+            text(file)
+        else:
+            file.write(_encoded(text))
         file.flush()
         os.fsync(file.fileno())
     if target.exists():
@@ -153,6 +171,23 @@ def _write(temporary: Path, text: str | bytes, target: Path) -> None:
         with suppress(PermissionError):
             os.chown(temporary, before.st_uid, before.st_gid)
         temporary.chmod(stat.S_IMODE(before.st_mode))
+
+
+def _is_written(
+    temporary: Path, text: Content, target: Path, told: Callable[[str, Exception], None] | None
+) -> bool:
+    """Write it; where its function fails by itself, that is told, and nothing is left."""
+    try:
+        _write(temporary, text, target)
+    except (OSError, UnicodeEncodeError):
+        raise
+    except Exception as error:
+        if told is None:
+            raise
+        told(str(target), error)
+        temporary.unlink(missing_ok=True)
+        return False
+    return True
 
 
 def _replace_together(staged: Mapping[Path, Path]) -> None:

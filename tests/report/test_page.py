@@ -10,7 +10,8 @@ from msgspec import structs
 
 from obseq.records.shown_units import ShownUnits
 from obseq.report.packed import packed
-from obseq.report.page import MOST_OBSERVATIONS, adjustment_page, document, page
+from obseq.report.page import adjustment_page, document, page
+from obseq.report.part import MOST
 from obseq.report.said import length, name, small
 from obseq.report.said import plain as said
 from obseq.report.units import Units
@@ -249,7 +250,7 @@ def test_numbers_in_sentences_are_written_in_any_units() -> None:
 def test_a_large_network_has_its_worst_and_weakest_observations(plain, make) -> None:
     """What the page leaves out is said; what is accused is never left out, and leads to its row."""
     (row,) = [row for row in plain["observations"] if row["line"] == 1]
-    count = MOST_OBSERVATIONS + 1000
+    count = MOST + 1000
     rows = [
         row | {"line": k + 1, "residual": 1e-6 * k, "normalised_residual": 1e-3 * k} for k in range(count)
     ]
@@ -264,8 +265,8 @@ def test_a_large_network_has_its_worst_and_weakest_observations(plain, make) -> 
     found = {"status": "explained", "left": 1.0, "redundancy": 3, "accused": [accused], "reason": ""}
     text = page(make(observations=rows, n_observations=count, diagnosis=found))
     observations = table(text, "observations")
-    assert observations["size"] == MOST_OBSERVATIONS
-    assert f"{MOST_OBSERVATIONS} of {count} observations" in observations["about"]
+    assert observations["size"] == MOST
+    assert f"{MOST} of {count} observations" in observations["about"]
     raw = next(column for column in observations["columns"] if column["title"] == "line")["values"]["bytes"]
     shuffled = np.frombuffer(gzip.decompress(base64.b64decode(raw)), np.uint8)
     lines = np.frombuffer(shuffled.reshape(8, -1).T.tobytes(), "<f8")

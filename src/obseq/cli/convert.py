@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from obseq.records.adjustment import AdjustmentRecord
 
 Writer = TypeVar("Writer")
-RESULT = ".json"
+RESULTS = (".json", ".npz")
 MORE = """
 What a network holds, as a file that another program reads; what is in a result, as a point file or a map.
 Nothing is adjusted. What the other format cannot say is refused by name."""
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     hint, doubt = "", ""
     inputs = [*arguments.project, *(arguments.obs or ()), *(arguments.cor or ())]
     check_writable(arguments.to, inputs)
-    if any(path.suffix.lower() == RESULT for path in arguments.project):
+    if any(path.suffix.lower() in RESULTS for path in arguments.project):
         if len(inputs) > 1:
             raise InputError("convert: a result is converted by itself; give no other file")
         texts, doubt = _of_result(arguments)

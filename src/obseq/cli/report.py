@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,10 +14,13 @@ from obseq.cli.results import (
     Outputs,
     add_result_arguments,
     detail_of,
+    forget,
     in_units,
+    not_written,
     outputs_of,
     show,
     show_adjustment,
+    suiting,
     write,
 )
 from obseq.errors import InputError
@@ -25,12 +29,16 @@ from obseq.records.comparison import ComparisonRecord
 from obseq.records.plan import PlanRecord
 from obseq.records.record import from_plain
 from obseq.records.shown_units import chosen_units
-from obseq.report.result_file import read_plain
+from obseq.report.result_columns import write_columns
+from obseq.report.result_file import read_plain, write_json
 from obseq.report.summary import listing
-from obseq.writing import check_writable, write_all
+from obseq.writing import Content, check_writable, write_all
 
 STEMS = {"obseq-bundle": "bundle", "obseq-plan": "plan", "obseq-comparison": "comparison"}
 """Names of files in a folder, by the format of the result; of adjustments that of all others."""
+
+SMALL = ("obseq-plan", "obseq-comparison")
+"""Formats of results that are never columns."""
 
 Kind = TypeVar("Kind", PlanRecord, ComparisonRecord)
 
@@ -52,7 +60,9 @@ exit code: 0 done; 1 as the command that wrote the result; 2 could not run"""
 def register(commands: Commands) -> None:
     """Add the command to the parser."""
     command = add_command(commands, "report", run, "make the reports of a stored result again", MORE, EXAMPLE)
-    command.add_argument("result", type=Path, metavar="RESULT.json", help="what `--json` or `--out` wrote")
+    command.add_argument(
+        "result", type=Path, metavar="RESULT", help="a .json or .npz that `--out`, `--json` or `--npz` wrote"
+    )
     add_result_arguments(command)
 
 
@@ -63,6 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
     outputs = outputs_of(arguments, STEMS.get(kind))
     check_writable([path for path, _ in outputs], [arguments.result])
     ways = {"obseq-bundle": _block, "obseq-plan": _plan, "obseq-comparison": _comparison}
+    if kind in SMALL:
+        outputs = suiting(0, outputs)
     return ways.get(kind, _network)(plain, arguments, outputs)
 
 
@@ -70,7 +82,7 @@ def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> 
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
     check_writable([path for path, _ in outputs], map(Path, record.files or ()))
     record = write(record, outputs)
-    show_adjustment(record, _paths(outputs), detail_of(arguments))
+    show_adjustment(record, outputs, detail_of(arguments))
     return 0 if record.is_complete else INCOMPLETE
 
 
@@ -83,9 +95,18 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
         raise InputError("--units: reports of blocks of images are in the unit of their world, and in pixels")
     record = block_record_of(plain, str(arguments.result))
     found = outcome(record)
-    texts = {"text": lambda: listing(found), "json": record.to_json, "html": lambda: page(record)}
-    _write(texts, outputs)
-    show(found, _paths(outputs), detail_of(arguments))
+    size = len(record.residuals.image)
+    texts: dict[str, Callable[[], Content]] = {
+        "text": lambda: listing(found),
+        "json": lambda: partial(write_json, record=record),
+        "html": lambda: page(record),
+        "npz": lambda: partial(write_columns, record=record),
+    }
+    _write(texts, suiting(size, outputs))
+    forget(size, outputs)
+    show(found, _paths(suiting(size, outputs)), detail_of(arguments))
+    if text := not_written(size, outputs):
+        print(text)
     return 0 if record.is_complete else INCOMPLETE
 
 
@@ -128,6 +149,12 @@ def _paths(outputs: Outputs) -> list[Path]:
     return [path for path, _ in outputs]
 
 
-def _write(texts: Mapping[str, Callable[[], str]], outputs: Outputs) -> None:
-    """Write the reports by the names of their formats."""
+def _write(texts: Mapping[str, Callable[[], Content]], outputs: Outputs) -> None:
+    """Write the reports by the names of their formats.
+
+    Raises:
+        InputError: a format is asked for that this result is not written in.
+    """
+    if lacking := [form.name for _, form in outputs if form.name not in texts]:
+        raise InputError(f"--{lacking[0]}: only networks and blocks are written as columns")
     write_all({path: texts[form.name]() for path, form in outputs})

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import structs
 
@@ -16,6 +16,7 @@ from obseq.cli.parsing import coloured, output_file
 from obseq.errors import InputError
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
+from obseq.report import formats
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import USUAL, Detail, told
 from obseq.stopwatch import Progress, silent
@@ -31,14 +32,18 @@ INCOMPLETE = 1
 STEM = "adjustment"
 """Name of the files in a folder of results."""
 
+Made = TypeVar("Made")
 Outputs = Sequence[tuple[Path, Format]]
 
 
 def add_result_arguments(command: argparse.ArgumentParser) -> None:
     """Add what says where results are written: a folder for all, or a file per format."""
     results = command.add_argument_group("results")
-    names = ", ".join(f"{STEM}{form.suffix}" for form in FORMATS)
-    results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
+    most = formats.LARGE
+    sizes = ([form for form in FORMATS if form.suits(size)] for size in (0, most + 1))
+    usual, large = (", ".join(f"{STEM}{form.suffix}" for form in chosen) for chosen in sizes)
+    purpose = f"folder for {usual}; of more than {most} observations, for {large}"
+    results.add_argument("--out", type=Path, metavar="DIR", help=purpose)
     add_units(results)
     add_detail(results)
     for form in FORMATS:
@@ -68,15 +73,42 @@ def shown_in(network: "Network", words: Iterable[str]) -> "Network":
 
 
 def outputs_of(arguments: argparse.Namespace, stem: str | None = None) -> Outputs:
-    """Where each format goes: in the folder of --out, unless a file is named."""
+    """Where each format goes: in the folder of --out, unless a file is named: then whatever the size is."""
     inside = dict(_inside(arguments.out, stem or STEM)) if arguments.out else {}
-    places = ((form, getattr(arguments, form.name) or inside.get(form)) for form in FORMATS)
-    return [(path, form) for form, path in places if path]
+    asked = {form: getattr(arguments, form.name) for form in FORMATS}
+    named = [(path, replace(form, sizes="all")) for form, path in asked.items() if path]
+    return [*named, *((path, form) for form, path in inside.items() if not asked[form])]
 
 
 def outputs_in(folder: Path) -> Outputs:
     """All formats, in a folder."""
     return [(path, form) for form, path in _inside(folder, STEM)]
+
+
+def suiting(size: int, outputs: Outputs) -> Outputs:
+    """Those that a result of so many observations is written in."""
+    return [(path, form) for path, form in outputs if form.suits(size)]
+
+
+def not_written(size: int, outputs: Outputs) -> str:
+    """Which files of the folder of a large result are not written, and how to get them."""
+    spared = [(path, form) for path, form in outputs if not form.suits(size)]
+    if size <= formats.LARGE or not spared:
+        return ""
+    columns = next(path for path, form in outputs if form.name == "npz")
+    names = " and ".join(path.name for path, _ in spared)
+    options = " ".join(f"--{form.name} FILE" for _, form in spared)
+    return (
+        f"Not written, as there are more than {formats.LARGE} observations: {names}, nor kept of an earlier "
+        f"run; obseq report {columns} {options} writes them"
+    )
+
+
+def forget(size: int, outputs: Outputs) -> None:
+    """Delete what an earlier run left in the folder in formats that this result is not written in."""
+    for path, form in outputs:
+        if not form.suits(size) and path.is_file():
+            path.unlink()
 
 
 def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
@@ -111,7 +143,7 @@ def show(
 
 
 def show_adjustment(
-    record: AdjustmentRecord, written: Iterable[Path], detail: Detail = USUAL, others: Iterable[Path] = ()
+    record: AdjustmentRecord, outputs: Outputs, detail: Detail = USUAL, others: Iterable[Path] = ()
 ) -> None:
     """The same of a network; other files come first."""
     from obseq.report.adjusted import outcome
@@ -120,13 +152,16 @@ def show_adjustment(
     seconds = {phase.name: phase.seconds for phase in record.phases or ()}
     found = outcome(record)
     seconds["summary"] = time.perf_counter() - begun
-    show(found, [*others, *written], detail, seconds)
+    size = len(record.observations)
+    show(found, [*others, *(path for path, _ in suiting(size, outputs))], detail, seconds)
+    if text := not_written(size, outputs):
+        print(text)
 
 
-def telling(writers: Mapping[Path, Callable[[], str]], told: Progress) -> dict[Path, Callable[[], str]]:
+def telling(writers: Mapping[Path, Callable[[], Made]], told: Progress) -> dict[Path, Callable[[], Made]]:
     """What writes some files, each of which says how far the writing is."""
 
-    def written(number: int, write: Callable[[], str]) -> str:
+    def written(number: int, write: Callable[[], Made]) -> Made:
         told(f"write: file {number} of {len(writers)}")
         return write()
 
@@ -140,10 +175,10 @@ def write(
     told: Progress = silent,
 ) -> AdjustmentRecord:
     """Write all the results that can be made, other files among them; the record with what cannot."""
-    boundary = Boundary()
-    writers = {path: partial(form.write, record) for path, form in outputs}
-    texts = boundary.texts(telling(writers, told))
-    write_all({**(others or {}), **texts})
+    boundary, size = Boundary(), len(record.observations)
+    writers = {path: partial(form.write, record) for path, form in suiting(size, outputs)}
+    write_all({**(others or {}), **boundary.texts(telling(writers, told))}, boundary.tell)
+    forget(size, outputs)
     failures = tuple(boundary.failures)
     warnings = (*failures, *record.warnings)
     return structs.replace(record, warnings=warnings, failures=(*record.failures, *failures))

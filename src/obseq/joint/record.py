@@ -15,24 +15,25 @@ from obseq.records.adjustment import (
     ConstraintRecord,
     IterationRecord,
     ObservationRecord,
+    PointRecord,
+    StationRecord,
     StatisticsRecord,
     defined,
     new_run,
 )
 from obseq.records.diagnosis import KnownRecord, PlaceRecord
+from obseq.records.rows import Rows
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted_quality import (
     NAMES,
     ReliabilityNumbers,
-    ellipse_records,
+    ellipse_columns,
     levels_of,
 )
 from obseq.survey.adjustment.adjusted_records import (
+    RELIABILITY,
     finite_number,
     global_test_record,
-    known_letters,
-    moves,
-    reliability_columns,
     tested_types,
 )
 from obseq.survey.adjustment.computation import Computation
@@ -44,10 +45,9 @@ if TYPE_CHECKING:
 
     from obseq.joint.named import NamedEquation
     from obseq.joint.solution import Solved
-    from obseq.leastsquares import Batch, Reliability
+    from obseq.leastsquares import Batch, LeastSquaresResult, Reliability
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
-    from obseq.records.adjustment import PointRecord
     from obseq.records.diagnosis import DiagnosisRecord, SuspectRecord
 
     Tested = Sequence[ObservationReliability[Batch | Prior]]
@@ -70,7 +70,8 @@ def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
     surveys = [part.adjusted(result, tests) for part in solution.surveys]
     records = [survey.record() for survey in surveys]
     listed = _observations(solution, tests)
-    observations = [row for record in records for row in record.observations] + listed.rows
+    own = Rows(ObservationRecord, listed.rows)
+    observations = Rows.joined(ObservationRecord, [*(record.observations for record in records), own])
     places = {
         part.network.book.label(row): first + row
         for part, first in zip(solution.surveys, _firsts(records), strict=True)
@@ -85,28 +86,18 @@ def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
         notes.append(NOT_LISTED.format(", ".join(listed.not_listed)))
     types = [*(row for record in records for row in record.types or ()), *_types(solution, tests)]
     head = records[0] if records else None
-    empty = AdjustmentRecord(
-        result.n_observations,
-        result.n_constraints,
-        result.n_unknowns,
-        result.redundancy,
-        tuple(IterationRecord(step.sigma0, step.max_step) for step in result.iterations),
-        result.sigma0,
-        result.converged,
-        "Local",
-        "Local",
-        (),
-        (),
-        (),
-        setups=(),
-        operations=(),
-    )
     return structs.replace(
-        head or empty,
-        points=tuple(_points(solution, [record.points for record in records])),
-        stations=tuple(station for record in records for station in record.stations),
-        observations=tuple(observations),
-        constraints=(*(row for record in records for row in record.constraints), *_known(solution, tests)),
+        head or _empty(result),
+        points=_points(solution, [record.points for record in records]),
+        stations=Rows.joined(StationRecord, [record.stations for record in records]),
+        observations=observations,
+        constraints=Rows.joined(
+            ConstraintRecord,
+            [
+                *(record.constraints for record in records),
+                Rows(ConstraintRecord, _known(solution, tests)),
+            ],
+        ),
         setups=tuple(row for record in records for row in record.setups or ()),
         types=tested_types(types),
         sigma0=result.sigma0,
@@ -125,6 +116,26 @@ def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
     )
 
 
+def _empty(result: LeastSquaresResult) -> AdjustmentRecord:
+    """The record of an adjustment without any survey."""
+    return AdjustmentRecord(
+        result.n_observations,
+        result.n_constraints,
+        result.n_unknowns,
+        result.redundancy,
+        tuple(IterationRecord(step.sigma0, step.max_step) for step in result.iterations),
+        result.sigma0,
+        result.converged,
+        "Local",
+        "Local",
+        Rows(PointRecord),
+        Rows(StationRecord),
+        Rows(ObservationRecord),
+        setups=(),
+        operations=(),
+    )
+
+
 def _firsts(records: Sequence[AdjustmentRecord]) -> list[int]:
     """Where the observations of each network begin."""
     return [sum(len(record.observations) for record in records[:k]) for k in range(len(records))]
@@ -133,24 +144,23 @@ def _firsts(records: Sequence[AdjustmentRecord]) -> list[int]:
 # Points
 
 
-def _points(solution: Solved, found: Sequence[Sequence[PointRecord]]) -> Iterator[PointRecord]:
+def _points(solution: Solved, found: Sequence[Rows[PointRecord]]) -> Rows[PointRecord]:
     """Points of the surveys, then those that none of them has: of images, and one's own."""
     of_surveys = {point.name: point for points in reversed(found) for point in points}
-    yield from of_surveys.values()
+    surveyed = Rows(PointRecord, of_surveys.values())
     rest = solution.others(of_surveys)
     if not rest.names:
-        return
+        return surveyed
     computation = Computation(*_systems(solution), None, 0, 0.0, Stopwatch(), Quality())
     coordinates = solution.points(rest.names)
     covariances = np.full((len(rest.names), 3, 3), np.nan)
     if solution.result.has_covariances:
         covariances = solution.covariance(rest.names)
     redundancy = solution.result.redundancy if solution.result.variance_factor else None
-    ellipses = ellipse_records(ellipses_of(rest.names, covariances, None, redundancy))
     placed = computation.placed(rest, coordinates, covariances)
-    extras = zip(known_letters(rest), moves(rest, coordinates.copy(), ()), strict=True)
-    for record, (known, moved) in zip(placed.records(ellipses), extras, strict=True):
-        yield structs.replace(record, known=known, moved=moved)
+    ellipses = ellipses_of(rest.names, covariances, None, redundancy)
+    columns = placed.columns() | ellipse_columns(ellipses, placed.has_plan)
+    return Rows.joined(PointRecord, [surveyed, Rows.of(PointRecord, columns, len(rest.names))])
 
 
 def _systems(solution: Solved) -> tuple[Frame, crs.CoordinateSystem]:
@@ -206,7 +216,8 @@ def _rows(
     if tests is not None:
         found = [getattr(tests.of(batch), name)[:, k] for name in NAMES]
     redundancy, w, tau, detectable, external, residual = found
-    numbers = reliability_columns(ReliabilityNumbers(redundancy, w, tau, detectable, external, -residual))
+    tested = ReliabilityNumbers(redundancy, w, tau, detectable, external, -residual)
+    numbers = {name: defined(getattr(tested, field)) for name, field in RELIABILITY.items()}
     for row, (off, normalised, adjusted) in enumerate(plain):
         ends = equation.ends(row)
         yield ObservationRecord(

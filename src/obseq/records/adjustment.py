@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import os
+from collections import Counter
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,7 @@ from obseq.records.quality import (
     VarianceComponentRecord,
 )
 from obseq.records.record import Record, from_plain, to_plain
+from obseq.records.rows import Rows, hold_as_columns
 from obseq.records.shown_units import METRIC, ShownUnits
 from obseq.records.table import AnyTable, table_of
 
@@ -276,22 +278,22 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     converged: bool
     frame: str
     points_crs: str
-    points: tuple[PointRecord, ...]
-    stations: tuple[StationRecord, ...]
-    observations: tuple[ObservationRecord, ...]
+    points: Rows[PointRecord]
+    stations: Rows[StationRecord]
+    observations: Rows[ObservationRecord]
     variance_factor: float | None = None
     global_test: GlobalTestRecord | None = None
     reliability: ReliabilityRecord | None = None
     snooping: SnoopingRecord | None = None
     variance_components: tuple[VarianceComponentRecord, ...] | None = None
     ellipse_level: float | None = None
-    relative: tuple[RelativeRecord, ...] | None = None
+    relative: Rows[RelativeRecord] | None = None
     stop_reason: str | None = None
     precision: str | None = None
     points_crs_unit: str | None = None
     points_crs_height_unit: str | None = None
     points_crs_is_angular: bool | None = None
-    constraints: tuple[ConstraintRecord, ...] = ()
+    constraints: Rows[ConstraintRecord] = msgspec.field(default_factory=lambda: Rows(ConstraintRecord))
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     left_out: tuple[LeftOutRecord, ...] = ()
@@ -314,6 +316,9 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     units: ShownUnits = METRIC
     format: str = FORMAT
     version: int = VERSION
+
+    def __post_init__(self) -> None:
+        hold_as_columns(self)
 
     @property
     def rejections(self) -> tuple[RejectionRecord, ...]:
@@ -353,10 +358,10 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         if plain.get("version") != VERSION:
             raise InputError(f"{what}: it has another version than {VERSION}; make it again with this obseq")
         record = from_plain(cls, plain, what)
-        names = [point.name for point in record.points]
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise InputError(f"{what}: point {printable_line(twice)} comes twice")
+        counts = Counter(record.points.values("name"))
+        for name, count in counts.most_common(1):
+            if count > 1:
+                raise InputError(f"{what}: point {printable_line(name)} comes twice")
         return record
 
 

@@ -6,9 +6,12 @@ Records with `omit_defaults=False` have all their keys there.
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, TypeVar, get_args, get_origin
 
 import msgspec
+from msgspec import structs
 
 from obseq.errors import InputError
 
@@ -39,7 +42,7 @@ def from_plain(kind: type[Kind], value: object, what: str) -> Kind:
         InputError: something is missing or is not what it must be; the message says where.
     """
     try:
-        return msgspec.convert(value, kind)
+        return msgspec.convert(value, kind, dec_hook=partial(_listed, kind))
     except msgspec.ValidationError as error:
         problem, _, place = str(error).partition(" - at `$")
         where = place.strip(".`")
@@ -49,13 +52,28 @@ def from_plain(kind: type[Kind], value: object, what: str) -> Kind:
 def encoded(value: object) -> str:
     """Its JSON; what JSON cannot write (infinities, not-a-numbers) is null."""
     try:
-        return msgspec.json.encode(value, enc_hook=_number).decode()
+        return msgspec.json.encode(value, enc_hook=_plain).decode()
     except UnicodeEncodeError:  # the name of a file that is no text
         import json
 
-        return json.dumps(msgspec.to_builtins(value, enc_hook=_number))
+        return json.dumps(msgspec.to_builtins(value, enc_hook=_plain))
 
 
-def _number(value: Any) -> object:
-    """A number of NumPy as one of Python."""
-    return value.item()
+def _plain(value: Any) -> object:
+    """A number of NumPy as one of Python, columns as lists."""
+    return list(value) if isinstance(value, Sequence) else value.item()
+
+
+def _listed(record: type, kind: Any, value: object) -> object:
+    """What a list of a file becomes that a record holds as columns."""
+    whole, rows = get_origin(kind) or kind, get_args(kind)[0]
+    if isinstance(value, whole):
+        return value
+    try:
+        found: object = whole.from_plain(value, rows)
+        return found
+    except msgspec.ValidationError as error:
+        problem, _, place = str(error).partition(" - at `$")
+        fields = (field for field in structs.fields(record) if kind in (field.type, *get_args(field.type)))
+        name = next((field.encode_name for field in fields), rows.__name__)
+        raise msgspec.ValidationError(f"{problem} - at `$.{name}{place.strip('`')}`") from None

@@ -11,6 +11,7 @@ import msgspec
 from obseq.errors import InputError
 from obseq.packages import require
 from obseq.records.record import Record
+from obseq.records.rows import Rows
 from obseq.writing import write_text
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def kinds_of_tables(kind: type[Record]) -> dict[str, type[Record]]:
 def _row_of(hint: object) -> type[Record] | None:
     """What a tuple of any length holds, where these are records."""
     parts = (hint, *get_args(hint))
-    rows = [get_args(part)[0] for part in parts if get_origin(part) is tuple]
+    rows = [get_args(part)[0] for part in parts if get_origin(part) in (tuple, Rows)]
     return next((row for row in rows if isinstance(row, type) and issubclass(row, Record)), None)
 
 

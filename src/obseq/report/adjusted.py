@@ -10,7 +10,7 @@ from obseq.printable import listed
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.basis import basis, kinds
 from obseq.report.content import TABLES, numbers_of, tables
-from obseq.report.findings import POOR, findings, sight, spread, weakest
+from obseq.report.findings import POOR, findings, sight, spreads, weakest
 from obseq.report.head import (
     WORDS,
     Card,
@@ -36,7 +36,7 @@ from obseq.report.verdict import Verdict as Test
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from obseq.records.adjustment import ObservationRecord, PointRecord
+    from obseq.records.adjustment import PointRecord
     from obseq.records.quality import StatisticsRecord
     from obseq.report.head import Level
 
@@ -73,8 +73,8 @@ def head(record: AdjustmentRecord, rows: Mapping[str, int]) -> Head:
 def verdict(record: AdjustmentRecord) -> Verdict:
     """The sentence, at the level of the exit code."""
     level, text = _judged(record)
-    known = sum(bool(point.known) for point in record.points)
-    used = sum(row.active for row in record.observations)
+    known = sum(count for letters, count in record.points.distinct("known").items() if letters)
+    used = int(record.observations.truths("active").sum())
     off = len(record.observations) - used
     detail = joined(
         [
@@ -186,7 +186,7 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
 def _redundancy(record: AdjustmentRecord) -> Card:
     equations = record.n_observations + record.n_constraints
     each = f"{record.redundancy / equations:.2f} per equation" if equations else ""
-    known = [row.redundancy for row in record.observations if row.active]
+    known = record.observations.numbers("redundancy")[record.observations.truths("active")].tolist()
     if record.reliability is None:
         return Card("redundancy", str(record.redundancy), each)
     to = Place("observations", filter="redundancy<0.3")
@@ -195,23 +195,21 @@ def _redundancy(record: AdjustmentRecord) -> Card:
     )
 
 
-def _tested(row: ObservationRecord, *, is_standardised: bool) -> float | None:
-    return row.standardised_residual if is_standardised else row.normalised_residual
-
-
 def _largest(record: AdjustmentRecord) -> Card | None:
     """The largest test of a single observation."""
     level = record.reliability
-    tested = [
-        _tested(row, is_standardised=level is not None) if row.active else None for row in record.observations
-    ]
-    found = [(abs(value), k) for k, value in enumerate(tested) if value is not None]
-    if not found or record.planned:
+    found = record.observations
+    tests = found.numbers("standardised_residual" if level else "normalised_residual")
+    tested = [abs(value) for value in tests.tolist()]
+    active = found.truths("active").tolist()
+    known = [value for value, is_active in zip(tested, active, strict=True) if is_active and value == value]
+    if not known or record.planned:
         return None
-    largest, row = max(found)
-    one = record.observations[row]
+    largest = max(known)
+    row = max(k for k, value in enumerate(tested) if value == largest and active[k])
+    one = found[row]
     limit = None if level is None else level.critical
-    beyond = 0 if limit is None else sum(value > limit for value, _ in found)
+    beyond = 0 if limit is None else sum(value > limit for value in known)
     tag = (
         ("ok", "none beyond")
         if not beyond
@@ -222,7 +220,7 @@ def _largest(record: AdjustmentRecord) -> Card | None:
         f"{largest:.{1 if largest > 10 else 2}f}",
         "" if limit is None else f"limit {limit:.2f}",
         None if limit is None else tag,
-        strip(tested, limit),
+        strip(known, limit),
         sight(one),
         Place("observations", row=row),
     )
@@ -239,7 +237,7 @@ def _weakest(record: AdjustmentRecord, rows: Mapping[str, int]) -> Card | None:
         small(size),
         "",
         None,
-        strip(map(spread, record.points)),
+        strip(spreads(record.points)),
         note,
         Place(point=rows[record.points[k].name]),
     )
@@ -254,8 +252,8 @@ def _of_shape(record: AdjustmentRecord, point: PointRecord) -> str:
 def _unchecked(record: AdjustmentRecord) -> Card | None:
     if record.reliability is None:
         return None
-    active = [row.redundancy for row in record.observations if row.active]
-    poor = sum(value is not None and value < POOR for value in active)
+    active = record.observations.numbers("redundancy")[record.observations.truths("active")]
+    poor = int((active < POOR).sum())
     none = min(poor, record.reliability.uncontrolled)
     weak = poor - none
     tag = ("warn", "risk") if none else ("warn", f"{weak} weak") if weak else ("ok", "all checked")
@@ -267,7 +265,8 @@ def _unchecked(record: AdjustmentRecord) -> Card | None:
 def sections(record: AdjustmentRecord) -> tuple[Section, ...]:
     """Charts, and what the result was made from."""
     charts: list[dict[str, object]] = []
-    if not record.planned and any(row.normalised_residual is not None for row in record.observations):
+    residuals = record.observations.numbers("normalised_residual")
+    if not record.planned and (residuals == residuals).any():
         charts = [
             {"kind": kind, "table": "observations", "column": "w"}
             for kind in ("bands", "histogram", "normal")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING
 
 from obseq.printable import listed
@@ -29,8 +28,8 @@ def how_it_ended(record: AdjustmentRecord) -> str:
 
 def kinds(record: AdjustmentRecord) -> str:
     """How many active observations of each type, in words."""
-    count = Counter(row.type for row in record.observations if row.active)
-    unused = sum(not row.active for row in record.observations)
+    active = record.observations.truths("active")
+    count, unused = record.observations.distinct("type", active), int((~active).sum())
     text = ", ".join(f"{count[kind]} {kind}" for kind in sorted(count))
     return f"{text}; {unused} not used" if unused else text
 
@@ -45,7 +44,7 @@ def run_line(record: AdjustmentRecord) -> str:
 
 def basis(record: AdjustmentRecord) -> Iterator[tuple[str, str]]:
     """What it was made from, in words: files, versions, systems, refraction, operations, precisions."""
-    names = record.files or tuple(dict.fromkeys(row.file for row in record.observations))
+    names = record.files or tuple(record.observations.distinct("file"))
     yield "files", listed(names, MOST_FILES)
     yield "run", run_line(record)
     yield "frame", record.frame

@@ -41,10 +41,11 @@ def tables(record: AdjustmentRecord, rows: Rows, names: Collection[str] = ()) ->
 
 def numbers_of(record: AdjustmentRecord) -> Rows:
     """The number of each name of a point: those of the record first, in its order."""
-    rows = {point.name: k for k, point in enumerate(record.points)}
-    lost = [item.name for item in record.left_out if item.place]
-    quoted = (name for row in record.observations for name in (row.origin, row.target, row.backsight))
-    for name in (*lost, *filter(None, quoted)):
+    rows = {name: k for k, name in enumerate(record.points.values("name"))}
+    quoted = [item.name for item in record.left_out if item.place]
+    for end in ("from", "to", "backsight"):
+        quoted += record.observations.distinct(end)
+    for name in (*quoted, *record.stations.distinct("origin"), *(item.name for item in record.setups or ())):
         rows.setdefault(name, len(rows))
     return rows
 
@@ -213,9 +214,13 @@ def _coordinates(record: AdjustmentRecord, is_other: bool) -> list[Column]:
 
 def _counted(record: AdjustmentRecord) -> list[Column]:
     """How many observations name each point."""
-    used = (row for row in record.observations if row.active)
-    counts = Counter(name for row in used for name in {row.origin, row.target})
-    numbers = (counts[point.name] for point in record.points)
+    rows = record.observations.whole
+    active, (origins, names) = rows.truths("active"), rows.texts("from")
+    targets, others = rows.texts("to")
+    is_other = [names[a] != others[b] for a, b in zip(origins.tolist(), targets.tolist(), strict=True)]
+    counts = Counter(rows.distinct("from", active))
+    counts.update(rows.distinct("to", active & is_other))
+    numbers = (counts[name] for name in record.points.values("name"))
     return [column("observations", "count", numbers, paper=False)]
 
 
@@ -232,12 +237,18 @@ def _moves(record: AdjustmentRecord) -> list[Column]:
 
 def _classes(record: AdjustmentRecord) -> Column:
     """What each point is: known, station, free."""
-    stations = {row.origin for row in record.observations if row.active}
+    stations = stations_of(record)
     texts = []
     for point in record.points:
         known = f"known {point.known}" if point.known else ""
         texts.append(known or ("station" if point.name in stations else "point"))
     return choice("kind", texts, about="known coordinates: small letters with a sigma, capitals held")
+
+
+def stations_of(record: AdjustmentRecord) -> Collection[str]:
+    """The points from which something is observed, also what a page of the worst does not have."""
+    rows = record.observations.whole
+    return rows.distinct("from", rows.truths("active"))
 
 
 def _given_axis(record: AdjustmentRecord, axis: str) -> Column:

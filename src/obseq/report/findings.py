@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from heapq import nlargest
 from typing import TYPE_CHECKING
 
 from obseq.printable import listed
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
+    from obseq.records.rows import Rows
 
 POOR = 0.1
 """Redundancy below which an observation is hardly checked: most of an error goes into the result."""
@@ -27,17 +29,21 @@ def sight(row: ObservationRecord) -> str:
     return name(f"{row.type} {row.origin} \u2192 {row.target}")
 
 
-def weakest(points: tuple[PointRecord, ...]) -> tuple[int, float] | None:
+def weakest(points: Rows[PointRecord]) -> tuple[int, float] | None:
     """The point known worst, and how well it is known (m); None where no precision is known."""
-    sizes = [(found, k) for k, point in enumerate(points) if (found := spread(point)) is not None]
+    sizes = [(found, k) for k, found in enumerate(spreads(points)) if found == found]
     return max(sizes)[::-1] if sizes else None
 
 
-def spread(point: PointRecord) -> float | None:
-    """How well a point is known: the longer semi-axis of its ellipse, or the sigma of its height (m)."""
-    if point.ellipse:
-        return point.ellipse.semi_major
-    return point.sz if point.sx is None else max(point.sx, point.sy or 0.0)
+def spreads(points: Rows[PointRecord]) -> list[float]:
+    """How well points are known (m): longer semi-axes of ellipses, or sigmas of heights; NaN: unknown."""
+    import numpy as np
+
+    sx, sy, sz = (points.numbers(f"s{axis}") for axis in "xyz")
+    alone = np.where(np.isnan(sx), sz, np.fmax(sx, sy))
+    major = points.numbers("ellipse.semi_major")
+    found: list[float] = np.where(np.isnan(major), alone, major).tolist()
+    return found
 
 
 def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Findings, ...]:
@@ -66,7 +72,7 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
 def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     rows = [place.row for place in item.observations]
     one = record.observations[rows[0]] if len(rows) == 1 else None
-    files = short_names(row.file for row in record.observations)
+    files = short_names(record.observations.distinct("file"))
     sigma = item.sigma[0] if item.sigma else 0.0
     off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
     text = item.text[:1].upper() + item.text[1:]
@@ -193,14 +199,11 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
     level = record.reliability
     if level is None or record.gross_errors:
         return
-    files = short_names(row.file for row in record.observations)
+    files = short_names(record.observations.distinct("file"))
     parts = {row for item in record.joint for row in item.rows}  # tested as a whole
-    found = [
-        (abs(row.standardised_residual or 0.0), k)
-        for k, row in enumerate(record.observations)
-        if k not in parts
-    ]
-    for size, k in sorted(found, reverse=True)[:MOST_BEYOND]:
+    tests = record.observations.numbers("standardised_residual").tolist()
+    found = ((abs(value), k) for k, value in enumerate(tests) if value == value and k not in parts)
+    for size, k in nlargest(MOST_BEYOND, found):
         row = record.observations[k]
         if size > level.critical and row.residual is not None:
             chance = f"limit {level.critical:.2f}, passed by chance once in {1 / level.level:.0f}"
@@ -217,16 +220,13 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _weak(record: AdjustmentRecord) -> Iterator[Finding]:
     level = record.reliability
-    found = [
-        (row.redundancy, k)
-        for k, row in enumerate(record.observations)
-        if row.active and row.redundancy is not None
-    ]
-    poor = sorted(item for item in found if item[0] < POOR)
+    shares = record.observations.numbers("redundancy")
+    poor = (record.observations.truths("active") & (shares < POOR)).nonzero()[0].tolist()
     if level is None or not poor:
         return
-    row = record.observations[poor[0][1]]
-    to = Place("observations", row=poor[0][1])
+    first = min(poor, key=shares.__getitem__)
+    row = record.observations[first]
+    to = Place("observations", row=first)
     if level.uncontrolled:
         text = f"Nothing checks them: an error there stays unseen. First: {sight(row)}."
         yield Finding(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from heapq import nlargest
 from typing import TYPE_CHECKING, Literal
 
 from obseq.printable import printable_line
@@ -193,19 +195,18 @@ def gauge(value: float, lower: float, upper: float, level: str) -> Plain:
 
 def strip(values: Iterable[float | None], limit: float | None = None) -> Plain | None:
     """Every value as a tick, the largest of many; None without any."""
-    found = sorted((abs(value) for value in values if value is not None), reverse=True)
+    found = [abs(value) for value in values if value is not None and value == value]
     if not found:
         return None
-    ticks = [float(f"{value:.4g}") for value in found[:MOST_TICKS]]
+    ticks = [float(f"{value:.4g}") for value in nlargest(MOST_TICKS, found)]
     return {"kind": "strip", "values": ticks, "limit": limit, "more": max(0, len(found) - MOST_TICKS)}
 
 
 def shares(values: Iterable[float | None]) -> Plain:
     """How many of some shares, from 0 to 1, lie in each tenth."""
-    counts = [0] * BINS
-    for value in values:
-        if value is not None:
-            counts[max(0, min(BINS - 1, int(value * BINS)))] += 1
+    tenths = (int(value * BINS) for value in values if value is not None and value == value)
+    found = Counter(max(0, min(BINS - 1, tenth)) for tenth in tenths)
+    counts = [found[tenth] for tenth in range(BINS)]
     return {"kind": "bins", "values": counts, "low": 1, "first": "0", "last": "1"}
 
 

@@ -14,10 +14,11 @@ from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.record import encoded
 from obseq.report.adjusted import head
 from obseq.report.content import numbers_of, tables
-from obseq.report.findings import POOR
-from obseq.report.head import Page, Place, page_of, printed
+from obseq.report.head import Finding, Findings, Page, Place, page_of, printed
 from obseq.report.html import escaped
+from obseq.report.map import similarity
 from obseq.report.packed import packed, squeezed
+from obseq.report.part import NOUNS, density, not_shown, part_of, told
 from obseq.report.plan import plan
 from obseq.report.spared import spared
 from obseq.report.units import scales
@@ -25,8 +26,6 @@ from obseq.report.units import scales
 if TYPE_CHECKING:
     from obseq.report.units import Plain
 
-MOST_OBSERVATIONS = 20_000
-"""Rows that a page of a large network has; the result file has all."""
 SCRIPTS = (
     "elements",
     "numbers",
@@ -51,35 +50,28 @@ def page(record: AdjustmentRecord) -> str:
 def adjustment_page(given: AdjustmentRecord) -> Page:
     """All that the page of an adjustment shows; precisions that suspected errors spoil are not among it."""
     record = spared(given)
-    rows = numbers_of(record)
-    made = tables(record, rows)
-    kept = _worst(record)
-    if kept is not None:
-        made = [_cut(table, kept) if table["id"] == "observations" else table for table in made]
-    shown = page_of(head(record, rows), printed(rows), plan(record, rows) if record.points else None, made)
-    return shown if kept is None else _moved(shown, {row: k for k, row in enumerate(kept)})
+    part, places = part_of(record)
+    rows, counts = numbers_of(part), not_shown(record, part)
+    made = [told(table, counts) for table in tables(part, rows)]
+    drawn = plan(part, rows) if record.points else None
+    shown = page_of(head(record, rows), printed(rows), drawn, made)
+    if not counts:
+        return shown
+    if drawn is not None and "points" in counts:
+        drawn["density"] = density(record.points, similarity(part))
+    return _moved(_announced(shown, counts), places)
 
 
-def _worst(record: AdjustmentRecord) -> list[int] | None:
-    """The observations of a large network that its page has: the accused and the worst; None for all."""
-    found = record.observations
-    if len(found) <= MOST_OBSERVATIONS:
-        return None
-    accused = {place.row for item in record.gross_errors for place in item.observations}
-    weak = {k for k, row in enumerate(found) if row.redundancy is not None and row.redundancy < POOR}
-    size = [abs(row.standardised_residual or row.normalised_residual or 0.0) * row.active for row in found]
-    order = sorted(range(len(found)), key=lambda k: (k not in accused, -size[k]))
-    poor = sorted(weak)[: MOST_OBSERVATIONS // 2]
-    return sorted({*poor, *order[: MOST_OBSERVATIONS - len(poor)]})
-
-
-def _cut(table: Plain, kept: list[int]) -> Plain:
-    """The table with some of its rows, which it says."""
-    whole = len(table["columns"][0]["values"])
-    columns = [item | {"values": [item["values"][k] for k in kept]} for item in table["columns"]]
-    marks = {name: [table[name][k] for k in kept] for name in ("angular", "unused")}
-    some = f"The worst and the weakest {len(kept)} of {whole} observations; the result file has all. "
-    return table | marks | {"columns": columns, "about": some + table["about"]}
+def _announced(shown: Page, counts: dict[str, tuple[int, int]]) -> Page:
+    """The page which says first what it leaves out."""
+    parts = [f"{few} of {many} {NOUNS[name]}" for name, (few, many) in counts.items()]
+    text = f"The worst and the weakest: {', '.join(parts)}. The result file has all."
+    told_first = Finding("info", "A part of a large network", text)
+    first, *others = shown.lists or (Findings("Look at first", ()),)
+    last = structs.replace(
+        others[-1] if others else first, items=(*(others or [first])[-1].items, told_first)
+    )
+    return structs.replace(shown, lists=(first, *others[:-1], last) if others else (last,))
 
 
 def _moved(shown: Page, places: dict[int, int]) -> Page:

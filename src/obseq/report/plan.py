@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
+from obseq.report.content import stations_of
 from obseq.report.map import similarity
 from obseq.report.named import ellipse_level
 
@@ -26,7 +27,7 @@ def plan(record: AdjustmentRecord, rows: dict[str, int]) -> dict[str, object]:
     """The plan; `rows` gives the number of each name, points of the record first."""
     from obseq.report.scheme import scheme  # numpy comes with it, which a command's help need not load
 
-    stations = {row.origin for row in record.observations if row.active}
+    stations = stations_of(record)
     places: list[tuple[float | None, float | None]] = [(None, None)] * len(rows)
     marks, to_map = [0] * len(rows), similarity(record)
     for k, point in enumerate(record.points):

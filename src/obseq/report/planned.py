@@ -115,7 +115,7 @@ def _verdict(record: PlanRecord) -> Verdict:
 def _weakest(record: PlanRecord, rows: dict[str, int]) -> Iterator[Card]:
     if record.weakest_points:
         worst = record.weakest_points[0]
-        sizes = strip(findings.spread(point) for point in record.adjustment.points)
+        sizes = strip(findings.spreads(record.adjustment.points))
         note = f"{name(worst.point)}, in its weakest direction"
         yield Card("weakest point", small(worst.sigma), "", None, sizes, note, Place(point=rows[worst.point]))
 
@@ -161,7 +161,7 @@ def _findings(record: PlanRecord, rows: dict[str, int]) -> Iterator[Finding]:
             to=Place(point=rows[weak.point]),
         )
     observations = record.adjustment.observations
-    files = short_names(row.file for row in observations)
+    files = short_names(observations.distinct("file"))
     places = {
         f"{row.type} {row.origin} -> {row.target} ({row.file}:{row.line})": k
         for k, row in enumerate(observations)

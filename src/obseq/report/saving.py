@@ -11,8 +11,10 @@ from obseq.writing import write_all
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from obseq.writing import Content
 
-def save(writers: Mapping[str, Callable[[], str]], path: str | Path) -> None:
+
+def save(writers: Mapping[str, Callable[[], Content]], path: str | Path) -> None:
     """Writes a result in the format that the suffix says.
 
     Args:

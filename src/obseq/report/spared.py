@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import structs
 
+from obseq.records.columns import Lazy
+from obseq.records.record import Record
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from obseq.records.adjustment import AdjustmentRecord
+    from obseq.records.rows import Rows
 
-    from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, PointRecord, RelativeRecord
-
+Kind = TypeVar("Kind", bound=Record)
+POINTS = (
+    *(f"{system}s{axis}" for system in ("", "crs_") for axis in "xyz"),
+    *("covariance", "inner", "ellipse.semi_major", "ellipse.semi_minor", "ellipsoid.axes"),
+)
+"""Columns of points that are precisions."""
+PAIRS = ("precision", "bearing_precision", "ellipse.semi_major", "ellipse.semi_minor")
+"""Those of pairs of points."""
 GIVEN = "from the given sigmas"
 
 
@@ -22,39 +32,12 @@ def spared(record: AdjustmentRecord) -> AdjustmentRecord:
     return structs.replace(
         record,
         precision=GIVEN,
-        points=tuple(_point(point, by) for point in record.points),
-        relative=record.relative and tuple(_relative(pair, by) for pair in record.relative),
+        points=_times(record.points, POINTS, by),
+        relative=record.relative and _times(record.relative, PAIRS, by),
     )
 
 
-def _point(point: PointRecord, by: float) -> PointRecord:
-    names = ("sx", "sy", "sz", "crs_sx", "crs_sy", "crs_sz")
-    return structs.replace(
-        point,
-        **{name: _times(getattr(point, name), by) for name in names},
-        covariance=_all(point.covariance, by * by),
-        inner=_all(point.inner, by),
-        ellipse=point.ellipse and _ellipse(point.ellipse, by),
-        ellipsoid=point.ellipsoid and structs.replace(point.ellipsoid, axes=_all(point.ellipsoid.axes, by)),
-    )
-
-
-def _relative(pair: RelativeRecord, by: float) -> RelativeRecord:
-    return structs.replace(
-        pair,
-        precision=pair.precision * by,
-        bearing_precision=_times(pair.bearing_precision, by),
-        ellipse=_ellipse(pair.ellipse, by),
-    )
-
-
-def _ellipse(ellipse: EllipseRecord, by: float) -> EllipseRecord:
-    return structs.replace(ellipse, semi_major=ellipse.semi_major * by, semi_minor=ellipse.semi_minor * by)
-
-
-def _all(values: Sequence[float | None] | None, by: float) -> tuple[float | None, ...] | None:
-    return None if values is None else tuple(_times(value, by) for value in values)
-
-
-def _times(value: float | None, by: float) -> float | None:
-    return None if value is None else value * by
+def _times(rows: Rows[Kind], names: tuple[str, ...], by: float) -> Rows[Kind]:
+    """Rows with precisions multiplied, and covariances by the square."""
+    factors = {name: by * by if name == "covariance" else by for name in names if name in rows.columns}
+    return rows.changed(Lazy(factors, lambda name: factors[name] * rows.numbers(name)))

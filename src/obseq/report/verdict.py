@@ -92,7 +92,8 @@ class Verdict:
 
 def _of_one_condition(record: AdjustmentRecord, misclosure: float) -> str:
     """What fails where a single condition, of a loop say, checks all; empty where its parts are not known."""
-    within = [row for row in record.observations if abs(row.standardised_residual or 0.0) > 0.5 * misclosure]
+    tests = record.observations.numbers("standardised_residual")
+    within = record.observations.take((abs(tests) > 0.5 * misclosure).nonzero()[0])
     names = tuple(f"{row.type} {row.origin} -> {row.target} ({row.file}:{row.line})" for row in within)
     if not names:
         return ""

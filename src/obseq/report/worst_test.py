@@ -1,13 +1,20 @@
 """The test that fails most: of a vector or position as a whole, of an observation, of a known coordinate."""
 
-from collections.abc import Iterator
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from obseq.dataclass import dataclass
 from obseq.printable import listed
 from obseq.records.adjustment import AdjustmentRecord, ConstraintRecord, JointTestRecord, ObservationRecord
 from obseq.records.quality import KNOWN
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from obseq.arrays import BoolArray, FloatArray
+    from obseq.records.rows import AnyRows
 
 _Item: TypeAlias = JointTestRecord | ObservationRecord | ConstraintRecord
 
@@ -77,14 +84,26 @@ def _of_single(record: AdjustmentRecord) -> Iterator[tuple[float, _Item]]:
     """The same of single values that are no part of these."""
     if record.reliability is None:
         return
-    limit, parts = record.reliability.critical, {row for item in record.joint for row in item.rows}
-    for row, one in enumerate(record.observations):
-        if one.standardised_residual is not None and one.active and row not in parts:
-            yield (one.standardised_residual / limit) ** 2, one
+    limit, rows = record.reliability.critical, record.observations
+    tests, active = rows.numbers("standardised_residual"), rows.truths("active")
+    active[[row for item in record.joint for row in item.rows]] = False
+    yield from _largest(rows, tests, active, limit)
     positions = {item.what for item in record.joint}
-    for known in record.constraints:
-        if known.standardised_residual is not None and f"{KNOWN}position of {known.point}" not in positions:
-            yield (known.standardised_residual / limit) ** 2, known
+    alone = [f"{KNOWN}position of {name}" not in positions for name in record.constraints.values("point")]
+    tests = record.constraints.numbers("standardised_residual")
+    yield from _largest(record.constraints, tests, alone, limit)
+
+
+def _largest(
+    rows: AnyRows, tests: FloatArray, chosen: Sequence[bool] | BoolArray, limit: float
+) -> Iterator[tuple[float, _Item]]:
+    """The largest of some tests, with all that cannot be told apart from it."""
+    import numpy as np
+
+    shares = np.where(chosen, np.square(tests / limit), np.nan)
+    largest = np.nanmax(shares, initial=-1.0)
+    for row in np.flatnonzero(shares >= largest * (1.0 - _SAME)).tolist():
+        yield float(shares[row]), rows[row]
 
 
 def _worst(item: _Item, record: AdjustmentRecord) -> Worst:

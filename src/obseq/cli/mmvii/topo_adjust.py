@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
     say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
-    show_adjustment(record, (path for path, _ in outputs), detail_of(arguments), files)
+    show_adjustment(record, outputs, detail_of(arguments), files)
     return 0 if record.is_complete else INCOMPLETE
 
 

@@ -207,7 +207,7 @@ def _adjusted(request: Request) -> int:
         watch = Stopwatch(progress)
         network = _network(request, watch)
         record, others = _written(network, request, watch)
-    show_adjustment(record, (path for path, _ in request.outputs), request.detail, others)
+    show_adjustment(record, request.outputs, request.detail, others)
     if second is not None:
         return _without_accused(network, record, second)
     return 0 if record.is_complete else INCOMPLETE
@@ -223,7 +223,7 @@ def _without_accused(network: "Network", first: AdjustmentRecord, request: Reque
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
     print()
-    show_adjustment(record, (path for path, _ in request.outputs), request.detail, others)
+    show_adjustment(record, request.outputs, request.detail, others)
     return INCOMPLETE
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.comp3d.sets import SETS, SetReader
 from obseq.formats.obs.after_sigma import NOTHING, AfterSigma
-from obseq.formats.obs.obs import centring
-from obseq.reading.text import LEAST_SIGMA, parse_number, quoted
+from obseq.formats.obs.obs import centring, check_measure, value_and_sigma
+from obseq.reading.text import quoted
 from obseq.survey.kinds.components import DX, DY
 from obseq.survey.kinds.directions import AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ0
@@ -107,26 +107,18 @@ class _Reader:
     def _measures(self, file: TextFile, index: int, signed: int, fields: list[str]) -> tuple[Measure, ...]:
         code, is_on = abs(signed), signed > 0
         kind = LINES[code]
-        try:
-            value, sigma = parse_number(fields[3]), parse_number(fields[4])
-        except ValueError as error:
-            raise file.error(index, f"{error} (fields are: code from to value sigma)") from error
-        if fields[1] == fields[2]:
-            raise file.error(
-                index, f"point {fields[1]} is observed from itself; correct one of the two names"
-            )
+        value, sigma = value_and_sigma(file, index, fields)
+        unit, is_active = (self.unit if kind.is_angle else 1.0), is_on and sigma >= 0.0
+        if is_active and code != CENTRING:
+            check_measure(file, index, kind, fields, value * unit, sigma)
         rest = AfterSigma(file, frozenset())
         after = (
             rest.read(index, kind.is_angle or code == CENTRING, fields[5:]) if len(fields) > 5 else NOTHING
         )
         origin, target = (self.columns.point(file, index, name) for name in fields[1:3])
-        unit = self.unit if kind.is_angle else 1.0
         station = self._station(code, origin)
         if code == CENTRING:
             return centring(origin, target, station, sigma, after, is_on)
-        is_active = is_on and sigma >= 0.0
-        if is_active:
-            _check(file, index, kind, value * unit, sigma, fields)
         return (Measure(kind, origin, target, value * unit, sigma * unit, is_active, *after, station),)
 
     def _station(self, code: int, origin: int) -> int:
@@ -154,13 +146,3 @@ def _code(file: TextFile, index: int, text: str) -> int:
         known = ", ".join(str(number) for number in sorted((*LINES, *SETS)))
         raise file.error(index, f"{quoted(text)!r} is not a code of Comp3D ({known})")
     return code
-
-
-def _check(
-    file: TextFile, index: int, kind: ObservationKind, value: float, sigma: float, fields: list[str]
-) -> None:
-    if sigma < LEAST_SIGMA:
-        raise file.error(index, f"the sigma {fields[4]} makes the weight infinite; give that of the measure")
-    problem = kind.problem(value)
-    if problem is not None:
-        raise file.error(index, f"the {kind.words} {fields[3]} {problem}; correct it or switch it off")

@@ -157,11 +157,11 @@ class _Reader:
                 index,
                 f"{len(fields)} fields where at least 5 are needed: code from to value sigma",
             )
-        value, sigma = _numbers(file, index, fields)
+        value, sigma = value_and_sigma(file, index, fields)
         kind, (unit, is_length) = _LINES[code], _UNITS[code]
         is_active = sigma >= 0.0 and not is_off
         if is_active:
-            _check_measure(file, index, kind, fields, value * unit, sigma)
+            check_measure(file, index, kind, fields, value * unit, sigma)
         after = rest.read(index, is_length, fields[5:]) if len(fields) > 5 else NOTHING
         columns = self.columns
         origin, target = columns.point(file, index, fields[1]), columns.point(file, index, fields[2])
@@ -214,7 +214,7 @@ def _code(file: TextFile, index: int, text: str) -> tuple[int, bool]:
     return abs(code), code < 0
 
 
-def _numbers(file: TextFile, index: int, fields: list[str]) -> tuple[float, float]:
+def value_and_sigma(file: TextFile, index: int, fields: list[str]) -> tuple[float, float]:
     """Value and sigma of a line, in its units."""
     try:
         return parse_number(fields[3]), parse_number(fields[4])
@@ -224,7 +224,7 @@ def _numbers(file: TextFile, index: int, fields: list[str]) -> tuple[float, floa
         ) from error
 
 
-def _check_measure(
+def check_measure(
     file: TextFile, index: int, kind: ObservationKind, fields: list[str], value: float, sigma: float
 ) -> None:
     """Refuses an infinite weight, a value (m or rad) that its kind cannot have, a point seen from itself."""
@@ -235,8 +235,9 @@ def _check_measure(
         )
     problem = kind.problem(value)
     if problem is not None:
-        what = f"angle {fields[3]} gon" if kind.is_angle else f"distance {fields[3]}"
-        raise file.error(index, f"the {what} {problem}; correct it or switch it off")
+        raise file.error(
+            index, f"the value {fields[3]} ({kind.words}) {problem}; correct it or switch it off"
+        )
     if fields[1] == fields[2]:
         raise file.error(index, f"point {fields[1]} is observed from itself; correct one of the two names")
 

@@ -106,6 +106,7 @@ class Plan {
     ground.rect(0, 0, sheet.width, sheet.height);
     sheet.fill(ground, colour("sf"));
     this.put();
+    this.drawDensity(sheet);
     if (this.layers.grid) this.drawGrid(sheet);
     if (this.layers.sights) this.drawSights(sheet);
     if (this.layers.residuals) this.drawResiduals(sheet);
@@ -127,6 +128,19 @@ class Plan {
       const [x, y] = (placed[k] = this.place(k));
       if (x > -50 && y > -50 && x < this.width + 50 && y < this.height + 50) inside.push([k, x, y]);
     }
+  }
+
+  /** Of a large network, how many points there are in each cell: the darker the more. */
+  drawDensity(sheet) {
+    const { corner, step, cells } = this.content.density ?? { cells: [] };
+    const most = Math.max(...cells.map(([, , count]) => count));
+    const paths = [1, 2, 3, 4].map(() => sheet.path());
+    for (const [column, row, count] of cells) {
+      const x = this.width / 2 + (corner[0] + column * step - this.middle[0]) * this.scale;
+      const y = (this.height - BARS + 14) / 2 - (corner[1] + (row + 1) * step - this.middle[1]) * this.scale;
+      paths[Math.ceil((4 * count) / most) - 1].rect(x, y, step * this.scale, step * this.scale);
+    }
+    paths.forEach((path, k) => sheet.fill(path, colour("mu"), 0.08 * (k + 1)));
   }
 
   /** Coordinates at round numbers. */

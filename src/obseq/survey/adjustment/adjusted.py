@@ -6,33 +6,30 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from msgspec import structs
 
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
 from obseq.records.adjustment import (
     AdjustmentRecord,
-    EllipseRecord,
     IterationRecord,
     ObservationRecord,
     PhaseRecord,
     PointRecord,
-    defined,
 )
+from obseq.records.columns import NO_CODE, Texts
+from obseq.records.rows import Rows
 from obseq.records.shown_units import METRIC, ShownUnits
-from obseq.survey.adjustment.adjusted_quality import ellipse_records
+from obseq.survey.adjustment.adjusted_quality import ellipse_columns
 from obseq.survey.adjustment.adjusted_records import (
     Fit,
     by_setup,
     by_type,
     constraint_records,
-    ellipsoids,
+    ellipsoid_columns,
+    finite,
     global_test_record,
-    known_letters,
-    moves,
     reliability_columns,
-    roots_of_diagonals,
     unused_azimuths,
 )
 from obseq.survey.adjustment.asked import Asked
@@ -41,20 +38,21 @@ from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import FloatArray
     from obseq.crs import Unit
     from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares.statistics.ellipses import ErrorEllipses
     from obseq.records.adjustment import (
         DoubtfulRecord,
-        EllipsoidRecord,
         LeftOutRecord,
         MotionRecord,
         OperationRecord,
         ReplacedRecord,
         RunRecord,
     )
+    from obseq.records.columns import Column
     from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
     from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
     from obseq.survey.adjustment.adjusted_records import AdjustedPoints, AdjustedStations
@@ -209,9 +207,9 @@ class Adjustment(Asked):
             points_crs_unit=self.points_crs_units[0].name,
             points_crs_height_unit=self.points_crs_units[1].name,
             points_crs_is_angular=self.points_crs_units[0].is_angle,
-            points=tuple(self._points()),
+            points=self._points(),
             stations=self.stations.records(),
-            observations=tuple(self._observations()),
+            observations=self._observations(),
             constraints=constraint_records(self.points.points, self.known, self.quality.known),
             warnings=(*boundary.failures, *self.warnings),
             notes=self.notes,
@@ -235,38 +233,25 @@ class Adjustment(Asked):
             ),
         )
 
-    def _points(self) -> Iterator[PointRecord]:
-        points = self.points
-        records = points.records(self._ellipses())
-        extras = zip(
-            known_letters(points.points),
-            moves(points.points, points.places, {item.name for item in self.replaced}),
-            self._ellipsoids(),
-            self._inner(),
-            strict=True,
-        )
-        for record, (known, moved, ellipsoid, inner) in zip(records, extras, strict=True):
-            yield structs.replace(record, known=known, moved=moved, ellipsoid=ellipsoid, inner=inner)
+    def _points(self) -> Rows[PointRecord]:
+        points, n = self.points, len(self.points.names)
+        columns = points.columns({item.name for item in self.replaced})
+        columns |= ellipse_columns(self._ellipses(), points.has_plan)
+        if self.quality.ellipsoids and self.solution.weak is None:
+            redundancy = None if self.quality.a_priori else self.solution.redundancy
+            columns |= ellipsoid_columns(
+                points.covariances, confidence_factor(self.quality.ellipses, 3, redundancy)
+            )
+        if self.inner is not None:
+            variances = np.diagonal(self.inner, axis1=1, axis2=2)
+            columns["inner"] = np.sqrt(np.maximum(variances, 0.0))
+            columns["inner.there"] = np.isfinite(self.inner[:, 0, 0])
+        return Rows.of(PointRecord, columns, n)
 
-    def _inner(self) -> Sequence[tuple[float, ...] | None]:
-        if self.inner is None:
-            return [None] * len(self.points.names)
-        is_known = np.isfinite(self.inner[:, 0, 0])
-        roots = roots_of_diagonals(self.inner)
-        return [found if known else None for found, known in zip(roots, is_known, strict=True)]
-
-    def _ellipsoids(self) -> Sequence[EllipsoidRecord | None]:
-        if not self.quality.ellipsoids or self.solution.weak is not None:
-            return [None] * len(self.points.names)
-        redundancy = None if self.quality.a_priori else self.solution.redundancy
-        return ellipsoids(self.points.covariances, confidence_factor(self.quality.ellipses, 3, redundancy))
-
-    def _ellipses(self) -> Iterator[EllipseRecord]:
+    def _ellipses(self) -> ErrorEllipses:
         points = self.points
         redundancy = None if self.quality.a_priori else self.solution.redundancy
-        return ellipse_records(
-            ellipses_of(points.names, points.covariances, self.quality.ellipses, redundancy)
-        )
+        return ellipses_of(points.names, points.covariances, self.quality.ellipses, redundancy)
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form of the record: the content of the result file (docs/result-file.md)."""
@@ -282,45 +267,28 @@ class Adjustment(Asked):
 
         return adjustment_html(self.record())
 
-    def _observations(self) -> Iterator[ObservationRecord]:
-        book, rows = self.book, self.book.observations
-        columns = zip(
-            rows.types.tolist(),
-            rows.from_points.tolist(),
-            rows.to_points.tolist(),
-            rows.values.tolist(),
-            self.sigmas.tolist(),
-            defined(self.residuals),
-            defined(self.normalised_residuals),
-            defined(rows.values + self.residuals),
-            rows.file_indices.tolist(),
-            rows.lines.tolist(),
-            rows.active.tolist(),
-            rows.backsights.tolist(),
-            strict=True,
-        )
-        numbers, rejected = reliability_columns(self.quality.observations), self.quality.rejected.tolist()
-        effects, azimuths = self.quality.effects, unused_azimuths(book, self.stations.g0)
-        for k, row in enumerate(columns):
-            code, origin, target, value, sigma, residual, normalised, adjusted, *rest = row
-            file, line, active, backsight = rest
-            kind = BY_CODE[code]
-            yield ObservationRecord(
-                type=kind.name,
-                unit=kind.unit,
-                origin=book.point_names[origin],
-                target=book.point_names[target],
-                value=value,
-                sigma=sigma,
-                residual=residual,
-                normalised_residual=normalised,
-                file=book.files[file],
-                line=line,
-                active=active,
-                rejected=rejected[k] or None,
-                backsight=book.point_names[backsight] if backsight >= 0 else None,
-                effect=None if effects is None else effects[k],
-                adjusted=adjusted,
-                azimuth=azimuths.get(k),
-                **{name: column[k] for name, column in numbers.items()},
-            )
+    def _observations(self) -> Rows[ObservationRecord]:
+        book, rows, quality = self.book, self.book.observations, self.quality
+        names = list(book.point_names)
+        codes, kinds = np.unique(rows.types, return_inverse=True)
+        known = [BY_CODE[code] for code in codes.tolist()]
+        columns: dict[str, Column] = {
+            "type": Texts(kinds.astype(np.int32), [kind.name for kind in known]),
+            "unit": Texts(kinds.astype(np.int32), [kind.unit for kind in known]),
+            "from": Texts(rows.from_points, names),
+            "to": Texts(rows.to_points, names),
+            "value": rows.values,
+            "sigma": self.sigmas,
+            "residual": finite(self.residuals),
+            "normalised_residual": finite(self.normalised_residuals),
+            "file": Texts(rows.file_indices, list(book.files)),
+            "line": rows.lines,
+            "active": rows.active,
+            "rejected": np.where(quality.rejected, 1, -1).astype(np.int8),
+            "backsight": Texts(np.maximum(rows.backsights, NO_CODE), names),
+            "adjusted": finite(rows.values + self.residuals),
+            "azimuth": unused_azimuths(book, self.stations.g0),
+            **reliability_columns(quality.observations),
+            **(quality.effects or {}),
+        }
+        return Rows.of(ObservationRecord, columns, len(rows))

@@ -10,13 +10,14 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import listed
 from obseq.records.adjustment import (
-    EffectRecord,
     EllipseRecord,
     RelativeRecord,
     ReliabilityRecord,
     SnoopingRecord,
     VarianceComponentRecord,
 )
+from obseq.records.columns import NO_CODE, Texts, texts_of
+from obseq.records.rows import Rows
 from obseq.survey.adjustment.joint_groups import TestedJointly, tested_jointly
 from obseq.survey.adjustment.quality import Examination, numbers, of_observations
 from obseq.survey.equations.known_coordinates import GROUP
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.statistics.effects import Effects
     from obseq.leastsquares.statistics.ellipses import ErrorEllipses
     from obseq.leastsquares.statistics.reliability import Reliability
+    from obseq.records.columns import Column
     from obseq.survey.equations.equations import Equations
     from obseq.survey.model import FieldBook
 
@@ -72,7 +74,7 @@ class AdjustedQuality:
         ellipses: Probability that the true point is inside its ellipse; None: standard ellipses.
         a_priori: Whether precisions are those of the given sigmas.
         ellipsoids: Whether ellipsoids are wanted.
-        effects: (n) what the detectable biases do to coordinates; None when not asked for.
+        effects: Columns of what the detectable biases do to coordinates; None when not asked for.
         joint: Tests of vectors and positions as one; none when reliability was not asked for.
         shares: (n,) what those that are correlated with others add to the weighted sum of squares; NaN for
             the others.
@@ -83,11 +85,11 @@ class AdjustedQuality:
     reliability: ReliabilityRecord | None
     rejected: BoolArray
     components: tuple[VarianceComponentRecord, ...] | None
-    relative: tuple[RelativeRecord, ...] | None
+    relative: Rows[RelativeRecord] | None
     ellipses: float | None
     a_priori: bool
     ellipsoids: bool
-    effects: list[EffectRecord | None] | None
+    effects: dict[str, Column] | None
     joint: tuple[TestedJointly, ...] = ()
     shares: FloatArray | None = None
     snooping: SnoopingRecord | None = None
@@ -102,7 +104,7 @@ def adjusted_quality(equations: Equations, book: FieldBook, found: Examination) 
         None if whole is None else levels_of(whole),
         np.zeros(n, np.bool_),
         _components(found),
-        None if found.relative is None else tuple(_relative(found)),
+        _relative(found),
         found.wanted.ellipses,
         found.a_priori,
         found.wanted.ellipsoids,
@@ -116,6 +118,17 @@ def ellipse_records(ellipses: ErrorEllipses) -> Iterator[EllipseRecord]:
     """The ellipses as they are written."""
     axes = (ellipses.semi_major.tolist(), ellipses.semi_minor.tolist(), ellipses.bearing.tolist())
     return map(EllipseRecord, *axes)
+
+
+def ellipse_columns(ellipses: ErrorEllipses, there: BoolArray | None = None) -> dict[str, Column]:
+    """The ellipses as columns of a list of records; none where `there` (n,) is False."""
+    if there is None:
+        return {f"ellipse.{name}": getattr(ellipses, name) for name in EllipseRecord.__struct_fields__}
+    numbers = {
+        f"ellipse.{name}": np.where(there, getattr(ellipses, name), np.nan)
+        for name in EllipseRecord.__struct_fields__
+    }
+    return {**numbers, "ellipse.there": there}
 
 
 def _numbers(columns: list[FloatArray]) -> ReliabilityNumbers:
@@ -147,17 +160,15 @@ def levels_of(whole: Reliability) -> ReliabilityRecord:
 
 def _effects(
     equations: Equations, effects: Mapping[int, Effects], n: int, book: FieldBook
-) -> list[EffectRecord | None]:
+) -> dict[str, Column]:
     """What the detectable bias of each observation does, by row of the field book."""
-    found: list[EffectRecord | None] = [None] * n
+    places, shifts = np.full(n, NO_CODE, np.int32), np.full((n, 3), np.nan)
     for rows, batch in equations.batches.values():
         moved = effects[id(batch)]
-        for row, point, shift in zip(
-            rows.tolist(), moved.places.tolist(), moved.shifts.tolist(), strict=True
-        ):
-            if np.isfinite(shift).all():
-                found[row] = EffectRecord(book.point_names[point], *shift)
-    return found
+        there = np.isfinite(moved.shifts).all(axis=1)
+        places[rows[there]], shifts[rows[there]] = moved.places[there], moved.shifts[there]
+    columns = {f"effect.{axis}": shifts[:, k] for k, axis in enumerate("xyz")}
+    return {"effect.point": Texts(places, list(book.point_names)), **columns, "effect.there": places >= 0}
 
 
 def _components(found: Examination) -> tuple[VarianceComponentRecord, ...] | None:
@@ -175,22 +186,20 @@ def _components(found: Examination) -> tuple[VarianceComponentRecord, ...] | Non
     )
 
 
-def _relative(found: Examination) -> Iterator[RelativeRecord]:
+def _relative(found: Examination) -> Rows[RelativeRecord] | None:
     relative, ellipses = found.relative, found.relative_ellipses()
     if relative is None or ellipses is None:
-        return
+        return None
     known = relative.bearing_precision < 2.0 * np.pi  # of points on one vertical it says nothing
-    bearing = np.where(known, relative.bearing_precision, np.nan)
-    columns = (
-        relative.first,
-        relative.second,
-        relative.distance.tolist(),
-        relative.precision.tolist(),
-        bearing.tolist(),
-        ellipse_records(ellipses),
-    )
-    for first, second, distance, precision, turn, ellipse in zip(*columns, strict=True):
-        yield RelativeRecord(first, second, distance, precision, turn if turn == turn else None, ellipse)
+    columns: dict[str, Column] = {
+        "first": texts_of(relative.first),
+        "second": texts_of(relative.second),
+        "distance": relative.distance,
+        "precision": relative.precision,
+        "bearing_precision": np.where(known, relative.bearing_precision, np.nan),
+        **ellipse_columns(ellipses),
+    }
+    return Rows.of(RelativeRecord, columns, len(relative.first))
 
 
 MOST_NAMES = 8

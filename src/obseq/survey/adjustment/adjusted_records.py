@@ -13,7 +13,6 @@ from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.records.adjustment import (
     ConstraintRecord,
-    EllipsoidRecord,
     GlobalTestRecord,
     OperationRecord,
     PointRecord,
@@ -21,19 +20,21 @@ from obseq.records.adjustment import (
     StatisticsRecord,
     defined,
 )
+from obseq.records.columns import Texts, texts_of
+from obseq.records.rows import Rows
 from obseq.survey.equations.known_coordinates import COMPONENTS
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.crs import CoordinateSystem
     from obseq.leastsquares import LeastSquaresResult
-    from obseq.records.adjustment import EllipseRecord
+    from obseq.records.columns import Column
     from obseq.survey.adjustment.adjusted_quality import ReliabilityNumbers
     from obseq.survey.equations.known_coordinates import CoordinateResiduals
     from obseq.survey.model import FieldBook, Points
@@ -53,8 +54,8 @@ def known_letters(points: Points) -> list[str]:
     return ["".join(row) for row in letters.tolist()]
 
 
-def unused_azimuths(book: FieldBook, g0: FloatArray) -> dict[int, float]:
-    """By row of those directions that are not used, where they point, clockwise from y (rad).
+def unused_azimuths(book: FieldBook, g0: FloatArray) -> FloatArray:
+    """(n,) where those directions that are not used point, clockwise from y (rad); NaN of all others.
 
     Args:
         book: The observations.
@@ -65,23 +66,19 @@ def unused_azimuths(book: FieldBook, g0: FloatArray) -> dict[int, float]:
     of_circle = np.isin(rows.types, codes_where(lambda kind: kind.is_of_circle))
     zeros = np.where(from_north, 0.0, np.append(g0, np.nan)[rows.stations])
     azimuths = rows.values + zeros
-    wanted = ~rows.active & (of_circle | from_north) & np.isfinite(azimuths)
-    return dict(zip(np.flatnonzero(wanted).tolist(), azimuths[wanted].tolist(), strict=True))
+    return np.where(~rows.active & (of_circle | from_north) & np.isfinite(azimuths), azimuths, np.nan)
 
 
-def moves(
-    points: Points, coordinates: FloatArray, placeholders: Collection[str]
-) -> list[tuple[float | None, ...] | None]:
+def moves(points: Points, coordinates: FloatArray, placeholders: Collection[str]) -> dict[str, Column]:
     """How far each point came from the coordinates that were given (m).
 
-    None where none were, or placeholders (names of points): what the observations contradict, 0 0 0 say.
+    Nothing where none were, or placeholders (names of points): what the observations contradict, 0 0 0 say.
     """
-    shifts, given = coordinates - points.coordinates, points.has_coordinates.tolist()
+    shifts, there = coordinates - points.coordinates, points.has_coordinates.copy()
     shifts[points.is_invented] = np.nan
-    return [
-        tuple(defined(shift)) if is_given and name not in placeholders else None
-        for name, shift, is_given in zip(points.names, shifts, given, strict=True)
-    ]
+    if placeholders:
+        there &= [name not in placeholders for name in points.names]
+    return {"moved": finite(shifts), "moved.there": there}
 
 
 def operations(systems: Sequence[CoordinateSystem]) -> tuple[OperationRecord, ...]:
@@ -202,16 +199,16 @@ def _statistics(fit: Fit, groups: IntArray, names: Sequence[str]) -> list[Statis
     return list(map(StatisticsRecord, *columns))
 
 
-def ellipsoids(covariances: FloatArray, factor: float) -> list[EllipsoidRecord]:
+def ellipsoid_columns(covariances: FloatArray, factor: float) -> dict[str, Column]:
     """The ellipsoids of covariances (n, 3, 3), their axes enlarged by a factor; ends above the horizon."""
     squares, vectors = np.linalg.eigh(covariances)
-    axes = factor * np.sqrt(np.clip(squares[:, ::-1], 0.0, None))
     ends = np.swapaxes(vectors, 1, 2)[:, ::-1]
     ends = np.where(ends[:, :, 2:] < 0.0, -ends, ends)
-    bearings = np.mod(np.arctan2(ends[:, :, 0], ends[:, :, 1]), 2.0 * np.pi)
-    elevations = np.arcsin(np.clip(ends[:, :, 2], 0.0, 1.0))
-    columns = (axes.tolist(), bearings.tolist(), elevations.tolist())
-    return [EllipsoidRecord(*map(tuple, row)) for row in zip(*columns, strict=True)]
+    return {
+        "ellipsoid.axes": factor * np.sqrt(np.clip(squares[:, ::-1], 0.0, None)),
+        "ellipsoid.bearings": np.mod(np.arctan2(ends[:, :, 0], ends[:, :, 1]), 2.0 * np.pi),
+        "ellipsoid.elevations": np.arcsin(np.clip(ends[:, :, 2], 0.0, 1.0)),
+    }
 
 
 def place_records(points: Points) -> list[PointRecord]:
@@ -232,56 +229,53 @@ def global_test_record(solution: LeastSquaresResult) -> GlobalTestRecord | None:
     return GlobalTestRecord(test.sigma0, lower, upper, test.level, test.p_value, test.passed)
 
 
-def roots_of_diagonals(covariances: FloatArray) -> list[tuple[float, ...]]:
-    """Standard deviations of covariances (n, 3, 3)."""
-    variances = np.diagonal(covariances, axis1=1, axis2=2)
-    return [tuple(row) for row in np.sqrt(np.maximum(variances, 0.0)).tolist()]
-
-
 def finite_number(value: float) -> float | None:
     """The number as a record holds it: None where it is not finite."""
     return float(value) if np.isfinite(value) else None
 
 
+def finite(values: FloatArray) -> FloatArray:
+    """The numbers as columns of a record hold them: NaN where they are not finite."""
+    return np.where(np.isfinite(values), values, np.nan)
+
+
 def constraint_records(
     points: Points, known: CoordinateResiduals, quality: ReliabilityNumbers | None
-) -> tuple[ConstraintRecord, ...]:
+) -> Rows[ConstraintRecord]:
     """How the known coordinates fit."""
-    return tuple(
-        ConstraintRecord(
-            point=points.names[row],
-            coordinate=COMPONENTS[component],
-            value=float(known.values[k]),
-            sigma=float(known.sigmas[k]),
-            residual=float(known.residuals[k]),
-            normalised_residual=float(known.residuals[k]) / float(known.sigmas[k]),
-            file=points.files[points.file_indices[row]] if points.file_indices[row] >= 0 else "",
-            line=int(points.lines[row]),
-            redundancy=None if quality is None else finite_number(quality.redundancy[k]),
-            standardised_residual=None if quality is None else finite_number(quality.standardised[k]),
-        )
-        for k, (row, component) in enumerate(
-            zip(known.points.tolist(), known.components.tolist(), strict=True)
-        )
-    )
+    files = points.file_indices[known.points]
+    columns: dict[str, Column] = {
+        "point": Texts(known.points.astype(np.int32), list(points.names)),
+        "coordinate": Texts(known.components.astype(np.int32), list(COMPONENTS)),
+        "value": known.values,
+        "sigma": known.sigmas,
+        "residual": known.residuals,
+        "normalised_residual": known.residuals / known.sigmas,
+        "file": Texts(np.where(files >= 0, files, len(points.files)), [*points.files, ""]),
+        "line": points.lines[known.points],
+    }
+    if quality is not None:
+        columns["redundancy"] = finite(quality.redundancy)
+        columns["standardised_residual"] = finite(quality.standardised)
+    return Rows.of(ConstraintRecord, columns, len(known.points))
 
 
-def reliability_columns(numbers: ReliabilityNumbers | None) -> dict[str, list[float | None]]:
-    """Fields of observations that say how reliable they are, if that was asked for."""
+def reliability_columns(numbers: ReliabilityNumbers | None) -> dict[str, Column]:
+    """Columns of observations that say how reliable they are, if that was asked for."""
     if numbers is None:
         return {}
-    return {
-        "redundancy": defined(numbers.redundancy),
-        "standardised_residual": defined(numbers.standardised),
-        "tau": defined(numbers.tau),
-        "detectable": defined(numbers.detectable),
-        "external": defined(numbers.external),
-        "blunder": defined(numbers.blunder),
-    }
+    return {name: finite(getattr(numbers, field)) for name, field in RELIABILITY.items()}
 
 
-COORDINATES = tuple(f"{system}{axis}" for system in ("", "s", "crs_", "crs_s") for axis in "xyz")
-"""Fields of a point record, in the order in which they are filled."""
+RELIABILITY = {
+    "redundancy": "redundancy",
+    "standardised_residual": "standardised",
+    "tau": "tau",
+    "detectable": "detectable",
+    "external": "external",
+    "blunder": "blunder",
+}
+"""Columns of observations, and where they come from."""
 ROWS, COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
 """Of the upper triangle of a covariance."""
 IN_PLAN = [0, 1, 3]
@@ -323,23 +317,28 @@ class AdjustedPoints:
         found = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
         return np.where(self.points.is_invented, np.nan, found)
 
-    def records(self, ellipses: Iterable[EllipseRecord]) -> Iterator[PointRecord]:
-        """Their entries in the record, each with its ellipse."""
-        upper = self.covariances[:, ROWS, COLUMNS]
-        numbers = [self.coordinates, self.precisions, self.crs_coordinates, self.crs_precisions]
-        rows = np.hstack(numbers)
+    @property
+    def upper(self) -> FloatArray:
+        """(n, 6) covariances: xx, xy, xz, yy, yz, zz; NaN likewise."""
         invented = self.points.is_invented
-        upper[invented[:, ROWS] | invented[:, COLUMNS]] = np.nan
-        is_planless: list[bool] = np.asarray(np.isnan(upper[:, IN_PLAN]).any(axis=1)).tolist()
-        for k, (name, ellipse) in enumerate(zip(self.names, ellipses, strict=True)):
-            keys: dict[str, Any] = dict(zip(COORDINATES, _known(rows[k]), strict=True))
-            keys |= {"covariance": tuple(_known(upper[k])), "ellipse": None if is_planless[k] else ellipse}
-            yield PointRecord(name=name, **keys)
+        unknown = invented[:, ROWS] | invented[:, COLUMNS]
+        return np.where(unknown, np.nan, self.covariances[:, ROWS, COLUMNS])
 
+    @property
+    def has_plan(self) -> BoolArray:
+        """(n,) which have a place in plan."""
+        unknown = np.asarray(np.isnan(self.upper[:, IN_PLAN]).any(axis=1))
+        return ~unknown
 
-def _known(numbers: FloatArray) -> list[float | None]:
-    """The numbers; None for what is not known."""
-    return [None if number != number else number for number in numbers.tolist()]
+    def columns(self, placeholders: Collection[str] = ()) -> dict[str, Column]:
+        """Columns of their records, but for ellipses; placeholders (names) did not move."""
+        parts = {"": self.coordinates, "s": self.precisions}
+        parts |= {"crs_": self.crs_coordinates, "crs_s": self.crs_precisions}
+        columns = {f"{key}{axis}": part[:, k] for key, part in parts.items() for k, axis in enumerate("xyz")}
+        names = Texts(np.arange(len(self.names), dtype=np.int32), list(self.names))
+        known = {"known": texts_of(known_letters(self.points))}
+        moved = moves(self.points, self.places, placeholders)
+        return {"name": names, **columns, "covariance": self.upper, **known, **moved}
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,7 +357,11 @@ class AdjustedStations:
     g0: FloatArray
     rotations: FloatArray
 
-    def records(self) -> tuple[StationRecord, ...]:
+    def records(self) -> Rows[StationRecord]:
         """Their entries in the record."""
-        columns = zip(self.origins, self.orientations, self.g0.tolist(), strict=True)
-        return tuple(StationRecord(origin, Orientation(status).keyword, g0) for origin, status, g0 in columns)
+        columns: dict[str, Column] = {
+            "origin": texts_of(self.origins),
+            "orientation": Texts(self.orientations, [status.keyword for status in Orientation]),
+            "g0": self.g0,
+        }
+        return Rows.of(StationRecord, columns, len(self.origins))

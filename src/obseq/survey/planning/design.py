@@ -11,7 +11,9 @@ from msgspec import structs
 from obseq.arguments import FUNCTION, NOTHING, NUMBER, SEED, TRUTH, WHOLE, WORDS, expecting, instance
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.records.adjustment import ConstraintRecord
 from obseq.records.plan import GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
+from obseq.records.rows import Rows
 from obseq.survey.adjustment.adjusted_records import finite_number
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.kinds.registry import BY_CODE
@@ -178,19 +180,11 @@ def _unmeasured(record: AdjustmentRecord) -> AdjustmentRecord:
         types=None,
         setups=None,
         joint=(),
-        constraints=(),
+        constraints=Rows(ConstraintRecord),
         iterations=(),
-        points=tuple(structs.replace(point, moved=None) for point in record.points),
-        observations=tuple(
-            structs.replace(
-                row,
-                residual=None,
-                normalised_residual=None,
-                standardised_residual=None,
-                tau=None,
-                blunder=None,
-            )
-            for row in record.observations
+        points=record.points.without("moved"),
+        observations=record.observations.without(
+            "residual", "normalised_residual", "standardised_residual", "tau", "blunder"
         ),
     )
 
