@@ -158,7 +158,7 @@ def test_the_page_of_a_stored_result_is_that_of_the_solution(solved, tmp_path, c
     assert (tmp_path / "again/bundle.html").read_text() == page(record)
     assert (tmp_path / "again/bundle.json").read_text() == record.to_json()
     assert "Image block: " in capsys.readouterr().out
-    assert {form.name for form in FORMATS} == {"json", "html", "text"}
+    assert {form.name for form in FORMATS} == {"json", "html", "text", "npz"}
 
 
 @pytest.mark.parametrize(
