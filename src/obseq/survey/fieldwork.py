@@ -39,7 +39,7 @@ from obseq.survey.sights.graph_building import Graphs
 if TYPE_CHECKING:
     from obseq import crs
     from obseq.diagnosis.policy import Policy
-    from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares import Blocks, LeastSquaresResult
     from obseq.report.units import Units
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
@@ -244,7 +244,7 @@ class Fieldwork:
         first = computation.plain() if is_snooped else computation
         found = self._computed_somehow(given, equations, first, boundary, strict=strict)
         with computation.watch.phase("diagnosis"):
-            model = self._model(found.start, found.solved(first.quality))
+            model = self._model(found.start, found.solved(first.quality), computation.blocks)
             out = self._judged(model, found.adjustment, computation, boundary)
         diagnosis = out.diagnosis
         if strict and diagnosis.accused:
@@ -272,7 +272,7 @@ class Fieldwork:
             failed = error
         if found is not None and _is_sound(found):
             return found
-        model = self._model(given, None)
+        model = self._model(given, None, computation.blocks)
         with computation.watch.phase("diagnosis"):
             start = boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
         if start is not None:
@@ -303,9 +303,15 @@ class Fieldwork:
 
         return record_of(model, self.units, begun, policy, told)
 
-    def _model(self, given: Determined, solved: tuple[Equations, LeastSquaresResult] | None) -> NetworkModel:
+    def _model(
+        self,
+        given: Determined,
+        solved: tuple[Equations, LeastSquaresResult] | None,
+        blocks: Blocks | None,
+    ) -> NetworkModel:
         """A network as its diagnosis sees it."""
-        return NetworkModel(self._equations, given, solved, (self.units, self.point_system))
+        make = partial(equations_of, self.frame, self.point_system, blocks=blocks)
+        return NetworkModel(make, given, solved, (self.units, self.point_system))
 
     def _judged(
         self, model: NetworkModel, adjustment: Adjustment, computation: Computation, boundary: Boundary
