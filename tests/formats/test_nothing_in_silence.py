@@ -35,7 +35,7 @@ CHANGES = {
         "f.xml",
         "<calibration",
         '<property name="fixed" value="1"/><calibration',
-        "fixed: X 0",
+        "fixed in the file: X 0",
     ),
     "metashape guessed": ("f.xml", "", "", "unknown here are F, PPx, PPy, K1, K2, K3, p1, p2, b1"),
     "metashape reference": ("f.xml", 'sz="0.02"', 'sz="0.02" enabled="false"', "not enabled: M"),
