@@ -62,6 +62,11 @@ class Columns:
         found = self.matrix[:, which]
         return found if isinstance(found, np.ndarray) else np.asarray(found.toarray())
 
+    def through(self, linear: Linear, which: IntArray) -> FloatArray:
+        """(u, m) A' times some of them."""
+        found = linear.rows.T @ self.matrix[:, which]
+        return np.ascontiguousarray(found if isinstance(found, np.ndarray) else found.toarray())
+
     def weights_apart(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, as if its equations had no unknowns in common."""
         shares = 1.0 - linear.taken.diagonal()

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 _CHUNK, _KEPT = 64, 8
 """Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
+_NUMBERS = 4_000_000
+"""Numbers of a matrix of columns: 32 MB, which a network of 60,000 equations fills with the chunk above."""
 _TINY = 1e-300
 _PAIR = 2
 
@@ -133,7 +135,7 @@ class LinearTests:
             wanted = np.isnan(grams[:, 0, 0])
             if self._is_screened:
                 wanted &= self._asks(shown)[columns].any(axis=1)
-            for part in _parts(np.flatnonzero(wanted)):
+            for part in _parts(np.flatnonzero(wanted), _CHUNK):
                 grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property
@@ -167,15 +169,20 @@ class LinearTests:
         wanted = np.isnan(self._weight)
         if self._is_screened:
             wanted &= self._asks(shown)
-        for part in _parts(np.flatnonzero(wanted)):
-            through = np.ascontiguousarray(self.linear.rows.T @ self._columns.some(part))
+        for part in _parts(np.flatnonzero(wanted), self._most):
+            through = self._columns.through(self.linear, part)
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
             self._weight[part] = 1.0 - taken
+
+    @property
+    def _most(self) -> int:
+        """How many columns are solved for together: as many as a matrix over all equations has room for."""
+        return max(1, min(_CHUNK, _NUMBERS // max(int(self.linear.rows.shape[0]), 1)))
 
     def _solve_for(self, columns: IntArray) -> None:
         """Works out C' R C of some columns with all."""
         missing = np.array([k for k in dict.fromkeys(columns.tolist()) if k not in self._across], np.intp)
-        for part in _parts(missing):
+        for part in _parts(missing, self._most):
             made = self._columns.shown(self.linear.left(self._columns.some(part))).T
             self._across.update(zip(part.tolist(), made, strict=True))
 
@@ -338,9 +345,9 @@ def _level(false_alarm: float, power: float, tests: tuple[tuple[int, int], ...])
     return float(f"{shared_level(false_alarm, dict(tests or ((1, 1),)), power):.1e}")
 
 
-def _parts(which: IntArray) -> list[IntArray]:
+def _parts(which: IntArray, most: int) -> list[IntArray]:
     """Numbers of columns, some at a time."""
-    return [which[first : first + _CHUNK] for first in range(0, len(which), _CHUNK)]
+    return [which[first : first + most] for first in range(0, len(which), most)]
 
 
 def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:
