@@ -10,7 +10,7 @@ import obseq
 from obseq.cli.causes import sections
 from obseq.cli.main import main
 from obseq.images.causes.registry import CAUSES as OF_BLOCKS
-from obseq.images.causes.shared_registry import SHARED
+from obseq.images.causes.registry import SHARED
 from obseq.survey.causes.registry import CAUSES as OF_NETWORKS
 
 CODE = re.compile(r'"([SIW]1\d\d|S2\d\d)"')

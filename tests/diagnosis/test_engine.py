@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, identity
 
 from obseq.diagnosis.columns import Columns
-from obseq.diagnosis.engine import diagnose
+from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
 from obseq.diagnosis.linear import Linear, diagonal
 from obseq.diagnosis.linear_tests import LinearTests
@@ -309,18 +309,41 @@ def test_two_and_three_errors_are_named_with_their_sizes(seed: int, size: float)
     assert tests == sorted(tests, reverse=True)
 
 
-def test_where_more_is_off_than_may_be_accused_only_the_patient_look_for_single_errors() -> None:
-    hasty = Counting(*everywhere(0))
-    verdict = diagnose(hasty, is_patient=False)
-    assert (verdict.status, verdict.accused) == (Status.UNEXPLAINED, ())
-    assert verdict.many > (N - U) / 2
-    patient = Counting(*everywhere(0))
-    assert not diagnose(patient).many > verdict.many
-    assert patient.adjustments > hasty.adjustments
+def test_more_than_a_few_errors_are_looked_for_with_patience_only() -> None:
+    model = Counting(*everywhere(0))
+    search = Search(model, POLICY)
+    assert search.at_first() is None and search.count > (N - U) / 2
+    hasty = model.adjustments
+    assert search.patiently().status is Status.UNEXPLAINED and model.adjustments > hasty
     matrix, noise = rows_of(8)
     noise[[12, 20]] += 50.0
-    few = [diagnose(Linearly(matrix, noise), is_patient=patience) for patience in (True, False)]
-    assert [{one.change.index for one in verdict.accused} for verdict in few] == [{12, 20}] * 2
+    few = Search(Linearly(matrix, noise), POLICY).at_first()
+    assert few is not None and {one.change.index for one in few.accused} == {12, 20}
+    noise[[3, 9, 30]] += 50.0
+    more = Search(Linearly(matrix, noise), POLICY)
+    assert more.at_first() is None and more.count == 5
+    assert {one.change.index for one in more.patiently().accused} == {3, 9, 12, 20, 30}
+
+
+def test_more_rows_are_off_than_are_told_one_by_one_where_a_group_explains_them() -> None:
+    matrix, noise = rows_of(8)
+    noise[:8] += 50.0 * np.arange(1, 9)
+    found = Search(Linearly(matrix, noise), replace(POLICY, most=7)).at_first()
+    assert found is not None and found.status is Status.EXPLAINED
+    assert [one.change.index for one in found.accused] == [N + 1]
+
+
+def test_each_of_some_errors_is_tested_with_the_others_given() -> None:
+    matrix, noise = rows_of(13)
+    noise[[5, 20]] += 40.0
+    tests = linear_tests(Linearly(matrix, noise), np.zeros(U))
+    alone = tests.each([5, 20, N])
+    for k, index in enumerate((5, 20, N)):
+        rest = [i for i in (5, 20, N) if i != index]
+        assert alone[k] == pytest.approx(tests.tests(tests.given(rest)).statistic[index])
+    assert tests.each([5, 20, N + 1])[0] == 0.0  # the block has that row
+    of_block = tests.took([5, 20, N + 1]) - tests.took([5, 20])
+    assert tests.each([5, 20, N + 1])[2] == pytest.approx(of_block)
 
 
 def test_what_is_accepted_leaves_the_same_to_others_in_whatever_order_it_was() -> None:

@@ -212,8 +212,8 @@ def test_spots_without_code_are_measured_when_asked_for() -> None:
         np.full((300, 400), 255, dtype=np.uint8),
         np.full((16, 900), 77, dtype=np.uint8),
         np.random.default_rng(1).integers(0, 256, (300, 400), dtype=np.uint8),
-        np.tile(np.kron([[0, 255], [255, 0]], np.ones((12, 12))), (4, 5)).astype(np.uint8),
-        np.kron(np.random.default_rng(2).integers(0, 2, (60, 80)) * 255, np.ones((5, 5))).astype(np.uint8),
+        np.tile(np.kron([[0, 255], [255, 0]], np.ones((12, 12))), (3, 3)).astype(np.uint8),
+        np.kron(np.random.default_rng(2).integers(0, 2, (40, 50)) * 255, np.ones((5, 5))).astype(np.uint8),
     ],
     ids=["black", "white", "narrow", "noise", "floor", "blocks"],
 )

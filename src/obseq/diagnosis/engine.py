@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Generic
 import numpy as np
 
 from obseq.diagnosis.explanation import Explanation, accepted, better, change_of, with_equals
-from obseq.diagnosis.judgement import MANY, judged, with_slips
+from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
@@ -29,43 +29,51 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
 
-def diagnose(model: Model[Place], policy: Policy = POLICY, *, is_patient: bool = True) -> Verdict:
-    """What is wrong with a model, or that nothing is.
-
-    Args:
-        model: It.
-        policy: How it is judged.
-        is_patient: Whether single errors are looked for even where more than half of all is off.
-    """
-    return Search(model, policy, is_patient=is_patient).verdict()
+def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
+    """What is wrong with a model, or that nothing is."""
+    search = Search(model, policy)
+    return search.at_first() or search.patiently()
 
 
 class Search(Generic[Place]):
     """One diagnosis: what it has spent, and what it found."""
 
-    def __init__(self, model: Model[Place], policy: Policy, *, is_patient: bool = True) -> None:
-        self._model, self._policy, self._is_patient = model, policy, is_patient
-        self._many = 0
+    def __init__(self, model: Model[Place], policy: Policy) -> None:
+        self._model, self._policy = model, policy
         self._hypotheses = model.hypotheses
         self._steps = 0
         self._last: tuple[Place, LinearTests] | None = None
         self._is_large = False
+        self._places: list[tuple[Place | None, bool]] = []
+        self._best: Explanation[Place] | None = None
+        self.count = 0
 
-    def verdict(self) -> Verdict:
-        """What is wrong."""
+    def at_first(self) -> Verdict | None:
+        """That nothing is wrong, or the few errors that explain a model; None where it takes patience.
+
+        Then `count` is how many were found.
+        """
         solution = self._solution()
         if solution is not None:
-            tests = self._tests(solution)
-            found = tests.tests(tests.given(()), blocks=False)
-            told = np.flatnonzero(np.isfinite(gains(tests, found))).tolist()
-            is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
-            if is_accepted and all(tests.is_small(i, [i]) for i in told):
-                return judged(self._model, Explanation(0.0, tests, tuple(select(tests)), solution), "")
-            if not told:
-                return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy)
-        best = self._from_all_places(solution)
-        if self._many:
-            return Verdict(Status.UNEXPLAINED, reason=MANY, many=self._many)
+            if (verdict := self._of_nothing(solution)) is not None:
+                return verdict
+            if (best := self._by_one(solution)) is not None:
+                return judged(self._model, best, "")
+        robust = self._robust(())
+        self._places = [(robust, True), (solution, False)]
+        if robust is None:
+            return None
+        self.count = self._too_many(robust)
+        if self.count:
+            return None
+        self._from_next()
+        best = self._best
+        self.count = 0 if best is None else len(best.chosen)
+        return self.patiently() if best and best.is_accepted and self.count <= self._policy.few else None
+
+    def patiently(self) -> Verdict:
+        """What is wrong, from all places where that may be seen."""
+        best = self._from_all_places()
         if best is None:
             return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
@@ -77,6 +85,17 @@ class Search(Generic[Place]):
             return self._model.solution()
         except ObseqError:
             return None
+
+    def _of_nothing(self, solution: Place) -> Verdict | None:
+        """That a solution shows nothing, or nothing that has a name; else None."""
+        tests = self._tests(solution)
+        found = tests.tests(tests.given(()), blocks=False)
+        told = np.flatnonzero(np.isfinite(gains(tests, found))).tolist()
+        is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
+        if is_accepted and all(tests.is_small(i, [i]) for i in told):
+            return judged(self._model, Explanation(0.0, tests, tuple(select(tests)), solution), "")
+        spare = tests.linear.redundancy
+        return None if told else Verdict(Status.UNEXPLAINED, (), tests.cost, spare)
 
     @property
     def _budget(self) -> int:
@@ -99,27 +118,13 @@ class Search(Generic[Place]):
         self._is_large = linear.n > self._policy.large
         return tests
 
-    def _from_all_places(self, solution: Place | None) -> Explanation[Place] | None:
+    def _from_all_places(self) -> Explanation[Place] | None:
         """The best explanation from the robust place; from least squares, or without the worst rows."""
-        best = None if solution is None else self._by_one(solution)
-        if best is not None:
+        while self._is_wanted() and self._places:
+            self._from_next()
+        best = self._best
+        if best is None or not self._is_wanted():
             return best
-        robust = self._robust(())
-        if robust is not None and not self._is_patient:
-            self._many = self._too_many(robust)
-            if self._many:
-                return None
-        for place in (robust, solution):
-            found = None if place is None else self._adapted(place, is_robust=place is robust)
-            best = better(best, found)
-            if best is not None and best.is_accepted and len(best.chosen) > 1:
-                best = with_slips(self._model, best)
-            if best is not None and best.is_accepted and len(best.chosen) == 1:
-                return best  # several may be the price of a wrong place: look from the other
-            if best is not None and self._is_large and len(best.chosen) >= self._policy.most:
-                return best  # few errors do not carry a large model so far away
-        if best is None:
-            return None
         if best.is_accepted and not self._is_spent:
             best = self._in_place_of_several(best)
         # of few spare observations some errors take too many: then they hardly are as many
@@ -128,13 +133,36 @@ class Search(Generic[Place]):
             best = self._without_the_worst(best)
         return best
 
+    def _from_next(self) -> None:
+        """Looks from the next place, if it is one."""
+        place, is_robust = self._places.pop(0)
+        found = None if place is None else self._adapted(place, is_robust=is_robust)
+        best = better(self._best, found)
+        if best is not None and best.is_accepted and len(best.chosen) > 1:
+            best = with_slips(self._model, best)
+        self._best = best
+
+    def _is_wanted(self) -> bool:
+        """Whether another place may show something better: several errors may be the price of a wrong one.
+
+        Few errors do not carry a large model far away.
+        """
+        best = self._best
+        if best is None:
+            return True
+        is_one = best.is_accepted and len(best.chosen) == 1
+        return not is_one and not (self._is_large and len(best.chosen) >= self._policy.most)
+
     def _too_many(self, robust: Place) -> int:
-        """How many rows are off at a robust place, if more than may be accused, or told; else 0."""
-        tests = self._tests(robust)
+        """How many rows are off at a robust place, if more than may be told and no few errors explain it."""
+        tests, policy = self._tests(robust), self._policy
         rows = self._hypotheses.columns[self._hypotheses.starts[:-1][self._hypotheses.is_start]]
-        count = int(np.count_nonzero(np.abs(tests.off[rows]) > self._policy.suspect))
-        least = max(self._policy.most, self._policy.half * tests.linear.redundancy)
-        return count if count > least else 0
+        count = int(np.count_nonzero(np.abs(tests.off[rows]) > policy.suspect))
+        if count <= policy.most or count > policy.half * tests.linear.redundancy:
+            return count if count > policy.most else 0
+        few = select(tests, _suspected_blocks(tests)[: policy.few], most=policy.few)
+        left, spare = tests.cost - tests.took(few), tests.linear.redundancy - sum(map(tests.rank, few))
+        return 0 if left <= accepted(spare, policy) else count
 
     def _by_one(self, solution: Place) -> Explanation[Place] | None:
         """One hypothesis that explains all that least squares show, and is proved by its adjustment."""

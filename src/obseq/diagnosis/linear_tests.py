@@ -36,7 +36,8 @@ _CHUNK, _KEPT = 64, 8
 """Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
 _NUMBERS = 4_000_000
 """Numbers of a matrix of columns: 32 MB, which a network of 60,000 equations fills with the chunk above."""
-_TINY = 1e-300
+_TINY, _NOTHING = 1e-300, 1e-10
+"""Smallest length of a column; share of its weight in place of none, where others do the same."""
 _PAIR = 2
 
 
@@ -247,7 +248,9 @@ class LinearTests:
             found, rank, _ = _joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
-        limits = np.array([self.limit(d) for d in range(int(degrees.max(initial=1)) + 1)])
+        limits = np.full(int(degrees.max(initial=1)) + 1, np.inf)
+        for some in set(degrees.tolist()):
+            limits[some] = self.limit(some)
         return Tested(statistic, limits[degrees], np.asarray(self.scale * degrees, np.float64))
 
     def _left_of_weights(self, given: Given) -> FloatArray:
@@ -282,19 +285,37 @@ class LinearTests:
             self._ranks[index] = max(int(np.count_nonzero(shares > self.policy.unseen)), 1)
         return self._ranks[index]
 
-    def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray, bool]:
-        """Estimates and covariance of sizes together, in lengths of columns; whether all are determined."""
+    def inverse(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Estimates and covariance of sizes together, in lengths of columns."""
         own = np.concatenate([self.hypotheses.of(i) for i in chosen])
         shares, axes = np.linalg.eigh(self._gram(own))
         seen = shares > self.policy.unseen
         covariance = (axes[:, seen] / shares[seen]) @ axes[:, seen].T
-        return covariance @ self.shown[own], covariance, bool(seen.all())
+        return covariance @ self.shown[own], covariance
+
+    def each(self, chosen: Sequence[int]) -> list[float]:
+        """T of each of some hypotheses, the others being given; 0 of what these do as well."""
+        own = np.concatenate([self.hypotheses.of(i) for i in chosen])
+        shares, axes = np.linalg.eigh(self._gram(own))
+        covariance = (axes / np.maximum(shares, _NOTHING)) @ axes.T
+        estimates, spread = covariance @ self.shown[own], np.diag(covariance)
+        alone = np.where(spread * self.policy.unseen < 1.0, estimates**2 / spread, 0.0)
+        found, start = [], 0
+        for i in chosen:
+            part = slice(start, start := start + int(self.hypotheses.q[i]))
+            if part.stop - part.start == 1:
+                found.append(float(alone[part.start]))
+                continue
+            spreads, along = np.linalg.eigh(covariance[part, part])
+            seen = spreads * self.policy.unseen < 1.0
+            found.append(float(np.sum(np.square(estimates[part] @ along[:, seen]) / spreads[seen])))
+        return found
 
     def sizes(self, chosen: Sequence[int]) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Estimates and standard deviations (q,) of chosen hypotheses together, in their units."""
         if not len(chosen):
             return {}
-        estimates, covariance, _ = self.inverse(chosen)
+        estimates, covariance = self.inverse(chosen)
         spread, found, start = np.sqrt(np.maximum(np.diag(covariance), 0.0)), {}, 0
         for i in chosen:
             own = self.hypotheses.of(i)
@@ -317,7 +338,7 @@ class LinearTests:
             return False
         rest, own = [i for i in chosen if i != index], self.hypotheses.of(index)
         test = self.took(chosen) - self.took(rest)
-        estimates, _, _ = self.inverse([*rest, index])
+        estimates, _ = self.inverse([*rest, index])
         effect = np.abs(self._columns.effect(own, estimates[-len(own) :])).max()
         proved = 1.0 - min(self.limit(self.rank(index)) / max(test, _TINY), 1.0) ** 0.5
         return bool(effect * proved < self.policy.least)

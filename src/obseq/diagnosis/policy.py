@@ -27,6 +27,7 @@ class Policy:
         better: Share of its contradictions that a mistake of many values leaves a network at most.
         nameless: Contradictions by which such a mistake must be better where no slip explains it.
         equal: Contradictions by which two of them may differ that explain a network equally well.
+        few: Errors that are told before it is asked whether many values share a mistake.
         most: Errors that are told one by one.
         begun: Suspects from which backward elimination starts, the worst of them.
         held_down: Errors that are told where robust weights hold them down: so many cost ten adjustments.
@@ -61,6 +62,7 @@ class Policy:
     better: float = 0.5
     nameless: float = 0.5
     equal: float = 0.1
+    few: int = 3
     most: int = 12
     begun: int = 60
     held_down: int = 200

@@ -21,15 +21,18 @@ _TWO = 2
 """Errors that may well be in one block by chance."""
 
 
-def select(tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = False) -> list[int]:
+def select(
+    tests: LinearTests, first: Sequence[int] = (), *, rows_only: bool = False, most: int | None = None
+) -> list[int]:
     """Hypotheses that explain a model, from some to begin with.
 
     Args:
         tests: At one linearisation.
         first: Where the selection begins.
         rows_only: Leave out what concerns several observations.
+        most: How many; as the policy says, if it is not given.
     """
-    chosen, most = list(first), tests.policy.most
+    chosen, most = list(first), most or tests.policy.most
     for _ in range(3 * most):
         chosen = kept(tests, chosen)
         found = tests.tests(tests.given(chosen), chosen, blocks=False)
@@ -70,26 +73,12 @@ def kept(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     """Those of some hypotheses that are worth what is due for them: backward elimination."""
     left = list(chosen)
     while left:
-        shares = [statistic / tests.due([i]) for i, statistic in zip(left, _own(tests, left), strict=True)]
+        shares = [statistic / tests.due([i]) for i, statistic in zip(left, tests.each(left), strict=True)]
         worst = int(np.argmin(shares))
         if shares[worst] > 1.0:
             break
         left.pop(worst)
     return left
-
-
-def _own(tests: LinearTests, chosen: list[int]) -> list[float]:
-    """T of each of some hypotheses, the others being given."""
-    estimates, covariance, is_whole = tests.inverse(chosen)
-    if not is_whole:  # some of them do the same: what each takes beyond the others tells
-        took = tests.took(chosen)
-        return [took - tests.took([j for j in chosen if j != i]) for i in chosen]
-    found, start = [], 0
-    for i in chosen:
-        part = slice(start, start := start + int(tests.hypotheses.q[i]))
-        inverse = np.linalg.pinv(covariance[part, part], rcond=1e-9, hermitian=True)
-        found.append(float(estimates[part] @ inverse @ estimates[part]))
-    return found
 
 
 def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:

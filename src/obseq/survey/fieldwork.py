@@ -298,7 +298,7 @@ class Fieldwork:
             start = Determined(points, book, self._computed(points, book, Choice()))
             return leave_out(start, start.initial.unplaced)
 
-        return record_of(model, self.units, begun, lambda start: self._model(start, None), policy)
+        return record_of(model, self.units, begun, policy)
 
     def _model(self, given: Determined, solved: tuple[Equations, LeastSquaresResult] | None) -> NetworkModel:
         """A network as its diagnosis sees it."""

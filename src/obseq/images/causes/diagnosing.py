@@ -14,7 +14,7 @@ from obseq.diagnosis.verdict import Status
 from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
 from obseq.images.causes.given_poses import GIVEN_POSES, compared
-from obseq.images.causes.image import IMAGE
+from obseq.images.causes.images import IMAGE
 from obseq.images.causes.largest_tests import sizes_of_tests
 from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.diagnosis.page import Page, price
-from obseq.images.causes.registry import CAUSES
-from obseq.images.causes.shared_registry import SHARED
+from obseq.images.causes.registry import CAUSES, SHARED
 
 if TYPE_CHECKING:
     from obseq.images.causes.cause import Cause

@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.diagnosis.verdict import Status
-from obseq.images.causes.camera_images import CAMERA_IMAGES
-from obseq.images.causes.control_coordinate import CONTROL_COORDINATE
-from obseq.images.causes.control_point import CONTROL_POINT
-from obseq.images.causes.image import IMAGE
+from obseq.images.causes.images import CAMERA_IMAGES, IMAGE
 from obseq.images.causes.other_observation import OTHER, survey_equation
+from obseq.images.causes.points import CONTROL_COORDINATE, CONTROL_POINT
 from obseq.records.diagnosis import (
     AccusedRecord,
     DiagnosisRecord,

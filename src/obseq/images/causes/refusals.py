@@ -15,7 +15,7 @@ from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.start import ContradictionError, start_of
 from obseq.images.causes.conventions import convention_of
 from obseq.images.causes.diagnosing import diagnosed, silent
-from obseq.images.causes.image import IMAGE
+from obseq.images.causes.images import IMAGE
 from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.record import record_of_fits, record_of_verdict

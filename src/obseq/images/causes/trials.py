@@ -9,7 +9,7 @@ from obseq.diagnosis.explanation import accepted
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.images.causes.comparison import is_mirrored, moved, principal_shift
-from obseq.images.causes.shared_registry import SHARED
+from obseq.images.causes.registry import SHARED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -15,7 +15,7 @@ from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change
 from obseq.diagnosis.verdict import Status
 from obseq.images.causes.evidence import Evidence
-from obseq.images.causes.image import IMAGE
+from obseq.images.causes.images import IMAGE
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.causes.effects import Effects
     from obseq.survey.causes.notes import Notes
+    from obseq.survey.model import FieldBook, Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +139,34 @@ class KnownCause:
     def width(self) -> int:
         """How many sizes it has."""
         return max(len(self.parts), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Rewritten:
+    """A network as it would be without such a mistake.
+
+    Attributes:
+        code, slip, what, text: As in the result.
+        rows: Observations that it concerns.
+        known: Known points that it concerns.
+        points, book: The network without it.
+        told: Places of all points (n, 3) without it -> more words; None where they say that it is not that.
+    """
+
+    code: str
+    slip: str
+    what: str
+    text: str
+    rows: IntArray
+    known: IntArray
+    points: Points
+    book: FieldBook
+    told: Callable[[FloatArray], str | None] = lambda _: ""
+
+    @property
+    def count(self) -> int:
+        """How many values it concerns: observations, and points."""
+        return len(self.rows) + 3 * len(self.known)
 
 
 def grouped(scope: Scope, labels: IntArray, mask: BoolArray, least: int) -> Groups:

@@ -11,7 +11,7 @@ import numpy as np
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.geometry import closest_rotation
-from obseq.survey.causes.rewritten import Rewritten
+from obseq.survey.causes.cause import Rewritten
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _LEAST = 4
 """Known points from which they can be said to be wrong together."""
+_SCALES = 0.5, 2.0
+"""Of one map in another: Mercator's at 60 degrees is 2."""
 
 
 def other_system(notes: Notes, known: IntArray) -> Iterator[Rewritten]:
@@ -72,7 +74,8 @@ def _change(given: FloatArray, found: FloatArray) -> str | None:
         return None
     turned = before @ rotation.T
     scale = float(np.sum(after * turned) / np.sum(before**2))
-    if np.linalg.norm(after - scale * turned) > POLICY.share * np.linalg.norm(after - before):
+    is_alike = np.linalg.norm(after - scale * turned) <= POLICY.share * np.linalg.norm(after - before)
+    if not is_alike or not _SCALES[0] < scale < _SCALES[1]:  # one point far off hides how the others lie
         return None
     turn = math.acos(min(max((float(np.trace(rotation)) - 1.0) / 2.0, -1.0), 1.0))
     return (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from obseq.diagnosis.page import Page, price
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, RARITY, ROW
 from obseq.survey.causes.registry import CAUSES, OF_KNOWN
-from obseq.survey.causes.rewriting import REWRITINGS
+from obseq.survey.causes.rewriting import REWRITINGS, SCOPES
 
 if TYPE_CHECKING:
     from obseq.survey.causes.cause import Cause, KnownCause
@@ -148,7 +148,7 @@ def _of_cause(cause: Cause) -> Page:
 def _of_writing(code: str) -> Page:
     about, example = _WRITTEN[code]
     own = [one for one in REWRITINGS if one.code == code]
-    where = ", ".join(dict.fromkeys(scope.about for one in own for scope in one.scopes))
+    where = ", ".join(scope.about for scope in SCOPES)
     ways = "; ".join(dict.fromkeys(one.text for one in own))
     tested = (f"Where it may be: {where}.", f"Ways: {ways}.", _REDONE)
     names = ", ".join(dict.fromkeys(one.name for one in own))

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
-from obseq.survey.causes.cause import grouped
+from obseq.survey.causes.cause import Rewritten, grouped
 from obseq.survey.causes.other_system import other_system
-from obseq.survey.causes.rewritten import Rewritten
 from obseq.survey.causes.scopes import ALL, FILE, FROM
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
 
@@ -42,7 +42,6 @@ class Rewriting:
         text: In words, as slips say it.
         takes: Which observations it changes.
         right: Values as written -> as they should be; with them, whether each is a zenith angle.
-        scopes: Where it may be.
     """
 
     code: str
@@ -51,7 +50,10 @@ class Rewriting:
     text: str
     takes: Callable[[Notes], BoolArray]
     right: Callable[[FloatArray, BoolArray], FloatArray]
-    scopes: tuple[Scope, ...] = (ALL, FILE, FROM)
+
+
+SCOPES = (ALL, FILE, FROM)
+"""Where they may be: first of all it is tried, then of some."""
 
 
 def _angles(notes: Notes) -> BoolArray:
@@ -147,8 +149,8 @@ REWRITINGS = (
 
 def rewritten(
     notes: Notes, system: PointSystem, is_off: BoolArray, whole: float, least: int
-) -> Iterator[Rewritten]:
-    """The networks without one such mistake, where most of what it concerns contradicts the others.
+) -> Iterator[Iterator[Rewritten]]:
+    """The networks without one such mistake, in parts: those of all values first, of single points last.
 
     Args:
         notes: The network.
@@ -157,6 +159,17 @@ def rewritten(
         whole: Share of a group of which that must be so; of all observations anything may be.
         least: Observations of a group.
     """
+    known = _known(notes.points)
+    yield chain(_of_values(notes, SCOPES[:1], None, least), _horizontal(notes), _of_all_points(notes, system))
+    yield other_system(notes, known)
+    yield _of_values(notes, SCOPES[1:], lambda rows: is_off[rows].mean() >= whole, least)
+    yield _of_single_points(notes.points, notes, system, known)
+
+
+def _of_values(
+    notes: Notes, scopes: tuple[Scope, ...], is_wanted: Callable[[IntArray], bool] | None, least: int
+) -> Iterator[Rewritten]:
+    """The networks in which the values of one group, all of a kind or some, are written anew."""
     observations = notes.book.observations
     is_known = ~notes.points.is_free
     n_known = {
@@ -168,36 +181,21 @@ def rewritten(
             continue
         mask = observations.active & one.takes(notes)
         seen = set[bytes]()
-        for scope in one.scopes:
+        for scope in scopes:
             groups = grouped(scope, scope.labels(notes), mask, least)
             for k, label in enumerate(groups.labels.tolist()):
                 rows = groups.rows[groups.starts[k] : groups.starts[k + 1]]
-                if rows.tobytes() in seen or (scope is not ALL and is_off[rows].mean() < whole):
+                is_all = is_wanted and len(rows) == np.count_nonzero(mask)
+                if rows.tobytes() in seen or is_all or (is_wanted and not is_wanted(rows)):
                     continue
                 seen.add(rows.tobytes())
                 values = observations.values.copy()
                 values[rows] = one.right(values[rows], notes.is_zenith[rows])
-                if any(
-                    BY_CODE[int(observations.types[r])].problem(float(values[r])) for r in rows[:1].tolist()
-                ):
+                if BY_CODE[int(observations.types[rows[0]])].problem(float(values[rows[0]])):
                     continue
                 book = replace(notes.book, observations=replace(observations, values=values))
                 what = f"{one.name}, {scope.words(notes, label, rows)}, {len(rows)} observations"
                 yield Rewritten(one.code, one.slip, what, one.text, rows, _NONE, notes.points, book)
-    yield from _horizontal(notes)
-    yield from _of_all_points(notes, system)
-
-
-def rewritten_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
-    """The networks in which some known points are others, or none but one or two are taken as known.
-
-    Args:
-        notes: The network.
-        system: Of the coordinates of points.
-    """
-    known = _known(notes.points)
-    yield from _of_single_points(notes.points, notes, system, known)
-    yield from other_system(notes, known)
 
 
 _NONE = np.zeros(0, np.int64)

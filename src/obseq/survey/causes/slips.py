@@ -15,23 +15,17 @@ from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Slip
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, ROW
-from obseq.survey.causes.circle import CIRCLE
-from obseq.survey.causes.distance_constant import CONSTANT
-from obseq.survey.causes.distance_scale import SCALE
-from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
-from obseq.survey.causes.level_scale import LEVEL_SCALE
+from obseq.survey.causes.constants import CONSTANT, LEVEL_SCALE, SCALE
 from obseq.survey.causes.other_points import (
     other_backsights,
     other_standpoint,
     other_target,
     readings_to,
 )
-from obseq.survey.causes.target_height import TARGET_HEIGHT
+from obseq.survey.causes.set_ups import CIRCLE, INSTRUMENT_HEIGHT, STANDPOINT, TARGET, TARGET_HEIGHT
 from obseq.survey.causes.values import COORDINATE, difference, explain
-from obseq.survey.causes.vector import WHOLE_VECTOR
 from obseq.survey.causes.vector_slips import UNITS, slips_of_vector
-from obseq.survey.causes.wrong_standpoint import STANDPOINT
-from obseq.survey.causes.wrong_target import TARGET
+from obseq.survey.causes.vectors import WHOLE_VECTOR
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from msgspec import structs
 
 from obseq.dataclass import dataclass
-from obseq.diagnosis.engine import diagnose
+from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.verdict import Status
 from obseq.records.diagnosis import DiagnosisRecord
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from obseq.survey.diagnosing.network_model import NetworkModel
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
-
-_FEW = 3
-"""Errors that are told one by one before it is asked whether many values share a mistake."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +58,6 @@ def record_of(
     model: NetworkModel,
     units: Units,
     begin: Callable[[Points, FieldBook], Determined],
-    of: Callable[[Determined], NetworkModel],
     policy: Policy = POLICY,
 ) -> DiagnosisRecord:
     """What is wrong with a network: single errors, groups, and what is only seen when values are rewritten.
@@ -70,33 +66,28 @@ def record_of(
         model: The network.
         units: In which sizes are told.
         begin: Points and observations -> what can be computed of them, at initial values.
-        of: Such a network -> its model.
         policy: How it is judged.
     """
-    found = diagnosis_of(model, units, policy, is_patient=False)
-    count = max(len(found.verdict.accused), found.verdict.many)
-    if found.verdict.status in (Status.ACCEPTED, Status.EXPLAINED) and count <= _FEW:
-        return found.record()
+    search = Search(model, policy)
+    found = search.at_first()
+    if found is not None:
+        return Diagnosis(found, model, units).record()
     from obseq.survey.diagnosing.rewritings import best_rewriting
 
-    trial = best_rewriting(model, begin, of, is_many=count > _FEW)
-    rest = None if trial is None else diagnosis_of(of(trial.start), units, policy).record()
-    if found.verdict.many and (rest is None or rest.status not in ("accepted", "explained")):
-        found = diagnosis_of(model, units, policy)
-        count = max(len(found.verdict.accused), found.verdict.many)
-    own = found.record()
+    trial = best_rewriting(model, begin, is_many=search.count > policy.few)
+    rest = None if trial is None else Diagnosis(diagnose(trial.model, policy), trial.model, units).record()
     if trial is None or rest is None:
-        return own
-    is_better = rest.status in ("accepted", "explained") or rest.left < POLICY.whole * own.left
-    if not is_better or len(rest.accused) >= max(count, 1):
-        return own
+        return Diagnosis(search.patiently(), model, units).record()
     status = "explained" if rest.status == "accepted" else rest.status
     one = rewriting_record(trial.rewriting, trial.others, model.notes)
-    return structs.replace(rest, status=status, accused=(one, *rest.accused))
-
-
-def diagnosis_of(
-    model: NetworkModel, units: Units, policy: Policy = POLICY, *, is_patient: bool = True
-) -> Diagnosis:
-    """The diagnosis of a network."""
-    return Diagnosis(diagnose(model, policy, is_patient=is_patient), model, units)
+    both = structs.replace(rest, status=status, accused=(one, *rest.accused))
+    is_explained = status == "explained"
+    if is_explained and trial.rewriting.count > policy.few >= len(rest.accused):
+        return both
+    verdict = search.patiently()
+    own = Diagnosis(verdict, model, units).record()
+    if verdict.status is Status.EXPLAINED and len(verdict.accused) <= policy.few:
+        return own
+    is_better = is_explained or rest.left < policy.whole * own.left
+    count = max(len(verdict.accused), verdict.many, search.count)
+    return both if is_better and len(rest.accused) < count else own

@@ -16,9 +16,8 @@ from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.strategies import GaussNewton
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, Catalogue
 from obseq.survey.causes.effects import Effects
-from obseq.survey.causes.instrument_height import INSTRUMENT_HEIGHT
 from obseq.survey.causes.notes import Notes
-from obseq.survey.causes.target_height import TARGET_HEIGHT
+from obseq.survey.causes.set_ups import INSTRUMENT_HEIGHT, TARGET_HEIGHT
 from obseq.survey.equations.kept_equations import KeptEquations
 from obseq.survey.kinds.registry import IS_ANGLE, codes_where
 
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.protocol import Change, Slip
     from obseq.leastsquares import Batch, LeastSquaresResult
+    from obseq.leastsquares.problem.losses import GemanMcClure, Huber
     from obseq.leastsquares.problem.unknowns import State
     from obseq.report.units import Units
     from obseq.survey.causes.cause import KnownCause
@@ -40,8 +40,12 @@ if TYPE_CHECKING:
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
+    Stage = tuple[Huber | GemanMcClure, int, float]
+
 _STAGES = tuple(zip(LOSSES, (14, 6, 6), (0.3, 0.1, 0.1), strict=True))
 """Losses of the robust start, the most iterations with each, and how near they come (standard deviations)."""
+_AT_FIRST = ((LOSSES[0], 2, 0.3),)
+"""Of a glance: two iterations bring right values from initial ones to their noise, and wrong ones nowhere."""
 _FOLLOW = 3
 """Verticals and refraction are computed anew after so many iterations of the robust start."""
 _ENDLESS = 1e9
@@ -95,7 +99,7 @@ class NetworkModel:
             solved: Its equations and their solution with covariances; None where there is none.
             written: Units of values, and the system of coordinates, in which they were written.
         """
-        self._equations = KeptEquations(make)
+        self._make, self._equations = make, KeptEquations(make)
         self._solved, self._written = solved, written
         self._evidence: tuple[Place, Evidence] | None = None
         points = doubted(given.points, given.book)
@@ -136,7 +140,17 @@ class NetworkModel:
     def _robust(self) -> Place:
         return self._robustly(())
 
-    def _robustly(self, without: Sequence[Change]) -> Place:
+    def soon(self) -> Place:
+        """Where the first iterations of that lead: far from there only what is wrong contradicts still."""
+        return self._robustly((), _AT_FIRST)
+
+    def like(self, given: Determined) -> NetworkModel:
+        """The model of a network like this one, such as that without a mistake: it shares the equations."""
+        other = NetworkModel(self._make, given, None, self._written)
+        other._equations = self._equations
+        return other
+
+    def _robustly(self, without: Sequence[Change], stages: Sequence[Stage] = _STAGES) -> Place:
         equations = self._equations(self._corrected(without))
         system, batches = equations.system, _batches(equations)
 
@@ -147,7 +161,7 @@ class NetworkModel:
                 equations.linearise()
 
         try:
-            for loss, count, near in _STAGES:
+            for loss, count, near in stages:
                 for batch in batches:
                     batch.loss = loss
                 analysis = system.analysis(reduced=True)
@@ -214,9 +228,8 @@ class NetworkModel:
         """Of the coordinates of points."""
         return self._written[1]
 
-    def contradictions(self) -> tuple[float, BoolArray, BoolArray]:
-        """What contradicts the robust place, counted softly; which observations and known coordinates do."""
-        place = self.robust()
+    def contradictions(self, place: Place) -> tuple[float, BoolArray, BoolArray]:
+        """What contradicts a place, counted softly; which observations and known coordinates do."""
         equations = self._at(self.given, place)
         equations.follow(equations.system, 0)
         residuals, sigmas = equations.fitted(equations.system)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.verdict import Accusation
     from obseq.report.units import Units
     from obseq.survey.causes.catalogue import Catalogue, Named
+    from obseq.survey.causes.cause import Rewritten
     from obseq.survey.causes.notes import Notes
-    from obseq.survey.causes.rewritten import Rewritten
 
 _MOST = 3
 """Alternatives that one sentence names."""

@@ -1,4 +1,4 @@
-"""Known heights of another kind than observations need."""
+"""Mistakes that all known points share: heights of another kind, a scale, another zone or system."""
 
 from __future__ import annotations
 
@@ -34,4 +34,34 @@ KNOWN_HEIGHTS = KnownCause(
     _too_large,
     parts=("in the middle", "a kilometre east", "a kilometre north"),
     least=4,
+)
+
+KNOWN_SCALE = KnownCause(
+    "S115",
+    "scale of known points",
+    "Known points are too far apart in plan, or too near, by one share.",
+    "A ground scale in place of that of the map, another unit, or another zone or system.",
+    "Correct --points-crs, or the scale of the coordinates.",
+    "",
+    5.0,
+    (0, 1),
+    lambda places, components, _: places[np.arange(len(places)), components][:, None],
+)
+
+KNOWN_TURN = KnownCause(
+    "S116",
+    "system of known points",
+    "Known points fit what is observed when they are turned in plan, and made larger or smaller.",
+    "Coordinates of another zone or another map than the one that is named.",
+    "Correct --points-crs or --frame.",
+    "",
+    6.0,
+    (0, 1),
+    lambda places, components, _: np.column_stack(
+        [
+            places[np.arange(len(places)), components],
+            np.where(components == 0, places[:, 1], -places[:, 0]),
+        ]
+    ),
+    parts=("larger", "of a radian, turned clockwise"),
 )
