@@ -111,6 +111,14 @@ def test_a_fixed_sensor_of_metashape_stays_fixed(case):
     assert len(frozen(result)) == len(result["cameras"][0]["parameters"])
 
 
+def test_what_files_hold_or_free_is_overridden_with_a_note(case):
+    _, freed = case("metashape-fixed-sensor", "--metashape", "doc.xml", "--free", "F", "--freeze", "K1")
+    assert "F" not in frozen(freed) and "K1" in frozen(freed)
+    said = " ".join(freed["notes"])
+    assert "1 parameters are unknown by --free: F of unknown 0" in said
+    assert "1 cameras are fixed in the file: unknown 0" in said and "--freeze:" not in said
+
+
 def test_four_radial_terms_of_micmac_are_exact(shared_data):
     from obseq.project.micmac_v1 import read_v1_orientation
 

@@ -10,6 +10,10 @@ from obseq.cli.images.bundle_ground import add_ground, carried_by, put_ground
 from obseq.cli.parsing import positive_integer
 from obseq.errors import InputError, noting
 from obseq.formats.blocks.catalogue import BLOCKS, Sigmas
+from obseq.printable import listed
+
+SHOWN = 4
+"""Parameters that a note lists."""
 
 if TYPE_CHECKING:
     import argparse
@@ -83,8 +87,8 @@ def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | t
     given = [(form, path) for form in BLOCKS if (path := getattr(arguments, form.option))]
     tables = any((arguments.cameras, arguments.images, arguments.opk, arguments.measures and not given))
     if len(given) + tables != 1:
-        listed = ", ".join(f"--{form.option}" for form in BLOCKS)
-        raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {listed}")
+        others = ", ".join(f"--{form.option}" for form in BLOCKS)
+        raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {others}")
     datum: str | tuple[str, ...] = arguments.datum or DATUMS[0]
     if given:
         form, path = given[0]
@@ -106,11 +110,34 @@ def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | t
             _bring(block, arguments)
         if not given and arguments.opk:
             _check_convention(block, arguments)
-        if arguments.freeze:
-            block.freeze_parameters(arguments.freeze)
-        if arguments.free:
-            block.free_parameters(arguments.free)
+        _hold_and_free(block, arguments, bool(given))
     return block, datum
+
+
+def _hold_and_free(block: BundleAdjustment, arguments: argparse.Namespace, is_told: bool) -> None:
+    """Holds and frees parameters of cameras; a note tells where files say otherwise."""
+    before = _unknown(block)
+    if arguments.freeze:
+        block.freeze_parameters(arguments.freeze)
+    if arguments.free:
+        block.free_parameters(arguments.free)
+    after = _unknown(block)
+    for option, names in (("--freeze", before - after), ("--free", after - before)):
+        if names and is_told:
+            becomes = "held" if option == "--freeze" else "unknown"
+            block.notes.append(
+                f"{len(names)} parameters are {becomes} by {option}: {listed(sorted(names), 4)}"
+            )
+
+
+def _unknown(block: BundleAdjustment) -> set[str]:
+    """The parameters that are unknown, with their cameras."""
+    return {
+        f"{parameter} of {name}"
+        for name, camera in block.cameras.items()
+        for parameter in camera.parameter_names
+        if not block.is_frozen(name, parameter)
+    }
 
 
 def _bring(block: BundleAdjustment, arguments: argparse.Namespace) -> None:

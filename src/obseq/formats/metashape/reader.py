@@ -113,7 +113,7 @@ def read_metashape(
 def _note_unknowns(block: BundleAdjustment, sensors: list[Sensor]) -> None:
     """Says which cameras are fixed, and what is unknown of those of which the file does not say it."""
     fixed = [sensor.camera.name for sensor in sensors if not sensor.unknowns]
-    note_count(block, fixed, "cameras keep their values: they are fixed")
+    note_count(block, fixed, "cameras are fixed in the file")
     block.notes += [
         f"camera {sensor.camera.name}: the file does not say what was estimated of it: unknown here are "
         f"{', '.join(sensor.unknowns)}"
