@@ -20,6 +20,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.diagnosis.columns import CHUNK
 from obseq.diagnosis.given import Given
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
@@ -32,10 +33,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.policy import Policy
 
-_CHUNK, _KEPT = 64, 8
-"""Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
-_NUMBERS = 4_000_000
-"""Numbers of a matrix of columns: 32 MB, which a network of 60,000 equations fills with the chunk above."""
+_KEPT = 8
+"""Sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY, _NOTHING = 1e-300, 1e-10
 """Smallest length of a column; share of its weight in place of none, where others do the same."""
 _PAIR = 2
@@ -136,7 +135,7 @@ class LinearTests:
             wanted = np.isnan(grams[:, 0, 0])
             if self._is_screened:
                 wanted &= self._asks(shown)[columns].any(axis=1)
-            for part in _parts(np.flatnonzero(wanted), _CHUNK):
+            for part in _parts(np.flatnonzero(wanted), CHUNK):
                 grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property
@@ -170,20 +169,15 @@ class LinearTests:
         wanted = np.isnan(self._weight)
         if self._is_screened:
             wanted &= self._asks(shown)
-        for part in _parts(np.flatnonzero(wanted), self._most):
+        for part in _parts(np.flatnonzero(wanted), self._columns.at_a_time):
             through = self._columns.through(self.linear, part)
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
             self._weight[part] = 1.0 - taken
 
-    @property
-    def _most(self) -> int:
-        """How many columns are solved for together: as many as a matrix over all equations has room for."""
-        return max(1, min(_CHUNK, _NUMBERS // max(int(self.linear.rows.shape[0]), 1)))
-
     def _solve_for(self, columns: IntArray) -> None:
         """Works out C' R C of some columns with all."""
         missing = np.array([k for k in dict.fromkeys(columns.tolist()) if k not in self._across], np.intp)
-        for part in _parts(missing, self._most):
+        for part in _parts(missing, self._columns.at_a_time):
             made = self._columns.shown(self.linear.left(self._columns.some(part))).T
             self._across.update(zip(part.tolist(), made, strict=True))
 
