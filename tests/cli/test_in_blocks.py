@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
+from obseq.leastsquares import Blocks
+from obseq.survey import Network
 
 TOLD = ("run", "phases")
 
@@ -56,6 +58,20 @@ def test_the_results_are_those_of_one_machine(site, capsys):
     assert not list((site / "work").iterdir())
     for one, other in zip(results(site / "whole.json"), results(site / "parts.json"), strict=True):
         assert one == (pytest.approx(other, rel=1e-9, abs=1e-9) if isinstance(other, float) else other)
+
+
+def test_the_diagnosis_of_parts_is_that_of_one_machine(site):
+    lines = (site / "site.obs").read_text().splitlines()
+    code, origin, target, length, sigma = lines[60].split()
+    lines[60] = " ".join([code, origin, target, f"{float(length) + 0.4:.5f}", sigma])
+    (site / "site.obs").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    network = Network.read(site / "site.obs", site / "site.cor")
+    with Blocks(parts=4) as blocks:
+        found = network.adjust(blocks=blocks).diagnosis
+    whole = network.adjust().diagnosis
+    assert [one.what for one in found.accused] == [one.what for one in whole.accused]
+    assert found.accused[0].size == pytest.approx(whole.accused[0].size, rel=1e-9)
+    assert "site.obs:61" in found.accused[0].what
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """A system in blocks is the system at once, in all that is solved and said; stopped runs are taken up."""
 
 import errno
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
@@ -10,7 +10,7 @@ from networks import mixed_system
 
 from obseq.errors import InputError, SingularSystemError
 from obseq.leastsquares import Blocks, LeastSquares, reliability, variance_components
-from obseq.leastsquares.blocks import files, tasks
+from obseq.leastsquares.blocks import files, tasks, workers
 from obseq.leastsquares.blocks.memory import bytes_of
 from obseq.leastsquares.blocks.partition import Tree, entries_of
 from obseq.leastsquares.blocks.solver import BlockSolver
@@ -301,6 +301,29 @@ def test_a_worker_of_another_version_is_told():
         InputError, match=r"a worker has obseq .*, this process obseq 0\.0: give them the same"
     ):
         tasks.task("obseq 0.0", tasks.prepare, ".", "part")
+
+
+class Deserted:
+    """A cluster whose workers leave when they are given something."""
+
+    def __init__(self):
+        self.workers = {"one": {}}
+
+    def get_executor(self, **_):
+        return self
+
+    def scheduler_info(self, **_):
+        return {"workers": self.workers}
+
+    def submit(self, *_, **__):
+        self.workers = {}
+        return Future()
+
+
+def test_a_cluster_without_workers_is_not_waited_for(monkeypatch):
+    monkeypatch.setattr(workers, "PATIENCE", 0.01)
+    with pytest.raises(InputError, match="no worker is left; start others"):
+        in_blocks(client=Deserted())
 
 
 def test_memory_that_does_not_suffice_is_told():

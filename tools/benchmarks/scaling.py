@@ -179,13 +179,13 @@ def wall(figures: Figures) -> dict[str, float]:
     return {phase: spent["wall"] for phase, spent in phases if not phase.endswith(", first")}
 
 
-def written(text: str, name: str, table: str) -> str:
+def written(text: str, name: str, table: str, tool: str = "scaling.py") -> str:
     """The page with a table between its marks.
 
     Raises:
         ValueError: the marks are not there.
     """
-    begin, end = f"<!-- {name}: written by tools/benchmarks/scaling.py -->", f"<!-- end of {name} -->"
+    begin, end = f"<!-- {name}: written by tools/benchmarks/{tool} -->", f"<!-- end of {name} -->"
     before, found, rest = text.partition(begin)
     _, closed, after = rest.partition(end)
     if not (found and closed):

@@ -39,8 +39,9 @@ from obseq.survey.sights.graph_building import Graphs
 if TYPE_CHECKING:
     from obseq import crs
     from obseq.diagnosis.policy import Policy
-    from obseq.leastsquares import LeastSquaresResult
+    from obseq.leastsquares import Blocks, LeastSquaresResult
     from obseq.report.units import Units
+    from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation, Computed
     from obseq.survey.adjustment.datum import Datum
@@ -243,7 +244,7 @@ class Fieldwork:
         first = computation.plain() if is_snooped else computation
         found = self._computed_somehow(given, equations, first, boundary, strict=strict)
         with computation.watch.phase("diagnosis"):
-            model = self._model(found.start, found.solved(first.quality))
+            model = self._model(found.start, found.solved(first.quality), computation.blocks)
             out = self._judged(model, found.adjustment, computation, boundary)
         diagnosis = out.diagnosis
         if strict and diagnosis.accused:
@@ -271,7 +272,7 @@ class Fieldwork:
             failed = error
         if found is not None and _is_sound(found):
             return found
-        model = self._model(given, None)
+        model = self._model(given, None, computation.blocks)
         with computation.watch.phase("diagnosis"):
             start = boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
         if start is not None:
@@ -291,18 +292,26 @@ class Fieldwork:
             raise InputError(f"{listed_errors(told)}\n{reason}") from failed
         raise failed
 
-    def _recorded(self, model: NetworkModel, policy: Policy = POLICY) -> DiagnosisRecord:
+    def _recorded(
+        self, model: NetworkModel, policy: Policy = POLICY, told: Progress | None = None
+    ) -> DiagnosisRecord:
         """What is wrong with a network, judged by a policy."""
 
         def begun(points: Points, book: FieldBook) -> Determined:
             start = Determined(points, book, self._computed(points, book, Choice()))
             return leave_out(start, start.initial.unplaced)
 
-        return record_of(model, self.units, begun, policy)
+        return record_of(model, self.units, begun, policy, told)
 
-    def _model(self, given: Determined, solved: tuple[Equations, LeastSquaresResult] | None) -> NetworkModel:
+    def _model(
+        self,
+        given: Determined,
+        solved: tuple[Equations, LeastSquaresResult] | None,
+        blocks: Blocks | None,
+    ) -> NetworkModel:
         """A network as its diagnosis sees it."""
-        return NetworkModel(self._equations, given, solved, (self.units, self.point_system))
+        make = partial(equations_of, self.frame, self.point_system, blocks=blocks)
+        return NetworkModel(make, given, solved, (self.units, self.point_system))
 
     def _judged(
         self, model: NetworkModel, adjustment: Adjustment, computation: Computation, boundary: Boundary
@@ -312,9 +321,10 @@ class Fieldwork:
         failed = DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed")
 
         def found() -> Snooped:
+            search = partial(self._recorded, model, told=computation.watch.progress)
             if wanted.snooping is None:
-                return Snooped(self._recorded(model), POLICY)
-            return snooped(partial(self._recorded, model), wanted, adjustment)
+                return Snooped(search(), POLICY)
+            return snooped(search, wanted, adjustment)
 
         return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
 

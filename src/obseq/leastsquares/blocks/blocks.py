@@ -11,12 +11,12 @@ from weakref import finalize
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares.blocks import workers
 from obseq.leastsquares.blocks.files import VERSIONS, Value
 from obseq.leastsquares.blocks.folders import claimed
 from obseq.leastsquares.blocks.memory import bytes_of, in_use, told
 from obseq.leastsquares.blocks.partition import ROOM
 from obseq.leastsquares.blocks.tasks import task
-from obseq.leastsquares.blocks.workers import Workers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -97,7 +97,7 @@ class Run:
         self._tell, self._wanted = blocks.tell, blocks.parts
         self._memory = None if blocks.memory is None else bytes_of(blocks.memory)
         self.is_kept = blocks.work is not None
-        self._workers = Workers(blocks.client, self._memory)
+        self._workers = workers.Workers(blocks.client, self._memory)
         try:
             self._claim, self.folder = claimed(blocks.work, blocks.resume, blocks.tell)
         except InputError:
@@ -188,7 +188,10 @@ class Run:
                     k = ready.pop()
                     function, *arguments = work(k)
                     running[self._workers.submit(task, VERSIONS, function, str(self.folder), *arguments)] = k
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                ended = wait(running, workers.PATIENCE, FIRST_COMPLETED).done
+                if not ended:
+                    self._workers.check()
+                for future in ended:
                     k = running.pop(future)
                     take(k, future.result())
                     for following in after[k]:
@@ -205,8 +208,8 @@ class Run:
         _end(self._workers, self._claim, self.folder if is_done or not self.is_kept else None)
 
 
-def _end(workers: Workers, claim: IO[str], folder: Path | None) -> None:
-    workers.close()
+def _end(ends: workers.Workers, claim: IO[str], folder: Path | None) -> None:
+    ends.close()
     claim.close()
     if folder is not None:
         shutil.rmtree(folder, ignore_errors=True)

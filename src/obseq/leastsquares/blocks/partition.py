@@ -73,6 +73,7 @@ class Tree:
 
     Attributes:
         factor: bytes of the whole factor.
+        operations: of a factorisation.
     """
 
     def __init__(self, pattern: SymmetricPattern) -> None:
@@ -90,8 +91,10 @@ class Tree:
         self._unknowns = unknowns_in_order(grouping, place).astype(np.int32)
         width = np.bincount(node, weights, len(self._parent))
         heights = np.concatenate([[0], np.cumsum(weights[self._rows])])[self._rows_at]
-        self._panels = (NUMBER * width * (width + np.diff(heights))).astype(np.float64)
+        below = np.diff(heights)
+        self._panels = (NUMBER * width * (width + below)).astype(np.float64)
         self.factor = int(self._panels.sum())
+        self.operations = float((width * (width * (width / 3.0 + below) + below * below)).sum())
 
     def parts(self, share: float) -> Partition:
         """Parts whose factors are not much larger than so many bytes, single separators apart."""

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from obseq.leastsquares.blocks.files import Value
 
 
+PATIENCE = 60.0
+"""Seconds without a task that ends, after which it is looked whether there are workers at all."""
+
+
 class Workers:
     """Executes tasks.
 
@@ -30,6 +34,7 @@ class Workers:
 
     def __init__(self, client: Value, memory: int | None) -> None:
         self._ends: list[Value] = []
+        self._client: Value = None
         if isinstance(client, int) and not isinstance(client, bool):
             client = self._started(client, memory)
         elif isinstance(client, str):
@@ -38,7 +43,8 @@ class Workers:
         if isinstance(client, Executor):
             self.count, self._executor = int(getattr(client, "_max_workers", 1)), client
         elif hasattr(client, "get_executor"):
-            self.count = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+            self._client = client
+            self.count = max(1, self._present())
             self._executor = client.get_executor(pure=False)
         elif client is not None:
             raise InputError(f"blocks: a Dask client, its address or an executor is wanted, not {client!r}")
@@ -55,6 +61,20 @@ class Workers:
         done: Future[Value] = Future()
         done.set_result(function(*arguments))
         return done
+
+    def check(self) -> None:
+        """Looks whether there are workers, where nothing ends any more.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self._client is not None and not self._present():
+            raise InputError(
+                "blocks: no worker is left; start others, and take up what was done (--work, --resume)"
+            )
+
+    def _present(self) -> int:
+        return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def close(self) -> None:
         """Ends the workers that were started."""

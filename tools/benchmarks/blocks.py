@@ -1,0 +1,285 @@
+"""Systems in blocks beside one machine: processor, memory, disk, equality, and what is larger on paper.
+
+    python tools/benchmarks/blocks.py                             all tables, on the screen
+    python tools/benchmarks/blocks.py --write                     and in docs/scaling.md, between its marks
+    python tools/benchmarks/blocks.py --points 10000 --images 100 --kill
+
+Each run is a process of its own; its peak of memory is that of the operating system. With two workers of
+Dask, `--kill` kills one of them in each phase. A network is that of `bench_network.py`. An image block has
+80 % of overlap along and 60 % across, tie points in up to five images, one self-calibrating camera.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from bal import camera_kernel, projected
+from bench_network import survey
+from command import command_line
+from scaling import written
+
+from obseq.geometry import exponential
+from obseq.leastsquares import Blocks, LeastSquares, reliability
+from obseq.leastsquares.analysis import Analyses
+from obseq.leastsquares.blocks.partition import ROOM, Tree
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "scaling.md"
+POINTS, IMAGES = (10_000, 30_000, 100_000), (100, 400)
+WAYS = ("at once", "8 parts", "32 parts", "2 workers")
+HEIGHT, BASE, STRIP, HALF, RAYS, TIED = 1000.0, 200.0, 400.0, 500.0, 5, 250
+PAPER = {"survey": (1_000_000, 10_000_000), "flight": (10_000, 100_000)}
+
+CONTROLLED = 0.01
+"""Redundancy from which on tests are compared: below, its rounding is that of the test."""
+
+Figures = dict[str, Any]
+
+
+def flight(n_images: int) -> LeastSquares:
+    """A block of images over flat ground; one point in fifty is known to two centimetres."""
+    rng, side = np.random.default_rng(0), math.ceil(math.sqrt(n_images))
+    along, across = np.divmod(np.arange(n_images), side)
+    centres = np.column_stack([along * BASE, across * STRIP, np.full(n_images, HEIGHT)])
+    turns = rng.normal(0.0, 0.02, (n_images, 3))
+    shifts = -np.einsum("nij,nj->ni", exponential(turns), centres)
+    cameras = np.column_stack([turns, shifts, np.tile([1000.0, -0.02, 0.005], (n_images, 1))])
+    top = centres[:, :2].max(axis=0)
+    ground = np.column_stack(
+        [rng.uniform(0.0, top, (TIED * n_images, 2)), rng.uniform(0, 80, TIED * n_images)]
+    )
+    image, point = _seen(ground, side, n_images, rng)
+    pixels = projected(cameras[image], ground[point]) + rng.normal(0.0, 0.5, (len(point), 2))
+    return _block(cameras, ground, image, point, pixels, rng)
+
+
+def _seen(
+    ground: np.ndarray, side: int, n_images: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Image and point of each measure: up to five of the images that see a point."""
+    reach = int(HALF / BASE)
+    first = np.rint(ground[:, 0] / BASE).astype(int), np.rint(ground[:, 1] / STRIP).astype(int)
+    steps = np.array([(a, b) for a in range(-reach, reach + 1) for b in (-1, 0, 1)])
+    chosen = np.argsort(rng.random((len(ground), len(steps))), axis=1)[:, : RAYS + 2]
+    rows, columns = first[0][:, None] + steps[chosen, 0], first[1][:, None] + steps[chosen, 1]
+    image = rows * side + columns
+    there = (rows >= 0) & (columns >= 0) & (columns < side) & (image < n_images)
+    point = np.broadcast_to(np.arange(len(ground))[:, None], image.shape)
+    return image[there], point[there]
+
+
+def _block(*given: Any) -> LeastSquares:
+    """The system of cameras, ground, and measures."""
+    cameras, ground, image, point, pixels, rng = given
+    system = LeastSquares()
+    names = [f"image {k}" for k in range(len(cameras))]
+    start = cameras[:, :3] + rng.normal(0.0, 1e-4, (len(cameras), 3))
+    turns = system.add_rotations(names, exponential(start).transpose(0, 2, 1))
+    shifts = system.add_points([f"{name} T" for name in names], cameras[:, 3:6])
+    interior = system.add_vectors(["camera"], cameras[:1, 6:] + [[1.0, 0.0, 0.0]], ["f", "k1", "k2"])
+    points = system.add_points([f"P{k}" for k in range(len(ground))], ground)
+    system.freeze(points[np.bincount(point, minlength=len(ground)) < 2])
+    known = np.arange(0, len(ground), 50)
+    system.add_prior(points[known], ground[known] + rng.normal(0.0, 0.02, (len(known), 3)), 0.02)
+    blocks = {"rotation": turns[image], "translation": shifts[image], "point": points[point]}
+    system.add(camera_kernel(), blocks | {"interior": np.repeat(interior, len(image))}, pixels, 0.5)
+    return system
+
+
+MADE = {"survey": lambda size: survey(size, 1), "flight": flight}
+
+
+class Killing(Executor):
+    """Gives tasks to Dask, and kills a worker that has begun with the first of each phase."""
+
+    def __init__(self, client: Any) -> None:
+        self.client, self._executor = client, client.get_executor(pure=False)
+        self._max_workers = 2
+        self._left = {"prepare", "eliminate", "reduce", "expand", "invert"}
+
+    def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Any:
+        """Gives a task away."""
+        future = self._executor.submit(function, *arguments)
+        if arguments[1].__name__ in self._left:
+            self._left.remove(arguments[1].__name__)
+            os.kill(next(iter(self.client.run(os.getpid).values())), signal.SIGKILL)
+        return future
+
+
+def cluster() -> Any:
+    """Two workers of this machine."""
+    from distributed import Client, LocalCluster
+
+    return Client(LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None))
+
+
+def alone(kind: str, size: int, way: str, file: Path) -> Figures:
+    """One run: its figures; what it found goes into a file."""
+    told: list[str] = []
+    system, blocks = MADE[kind](size), None
+    if way.endswith("parts"):
+        blocks = Blocks(parts=int(way.split()[0]), tell=told.append)
+    elif way != "at once":
+        blocks = Blocks(client=Killing(cluster()) if "killed" in way else cluster(), tell=told.append)
+    system._analyses = Analyses(system.problem, blocks or "auto", 1)
+    start, wall = spent(), time.perf_counter()
+    result = system.solve(covariance=True)
+    figures = {"cpu": spent() - start, "wall": time.perf_counter() - wall}
+    quality = reliability(system, result)
+    found = [result.state.values, result.cofactors.variances()]
+    found += [
+        np.concatenate([getattr(one, name).ravel() for one in quality.all]) for name in ("redundancy", "w")
+    ]
+    np.savez(file, *found)
+    return figures | {"peak": peak(), "told": told, "iterations": len(result.iterations)}
+
+
+def spent() -> float:
+    """Seconds of the processor, of children that have ended too."""
+    own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
+
+
+def peak() -> float:
+    """MB of this process at most."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def run(kind: str, size: int, way: str, file: Path) -> Figures:
+    """`alone`, in a process of its own."""
+    command = [sys.executable, __file__, "--alone", kind, str(size), way, str(file)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    found: Figures = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def apart(first: Path, second: Path) -> str:
+    """The largest differences of unknowns, variances (a share), redundancies and tests."""
+    one, other = np.load(first), np.load(second)
+    values, variances, redundancies, tests = ((one[key], other[key]) for key in one.files)
+    free = variances[0] > 0.0
+    share = np.abs(variances[1][free] / variances[0][free] - 1.0).max()
+    seen = redundancies[0] > CONTROLLED
+    tests = tests[0][seen], tests[1][seen]
+    sizes = [np.nanmax(np.abs(a - b)) for a, b in (values, redundancies, tests)]
+    return " ".join(f"{size:.0e}" for size in (sizes[0], share, *sizes[1:]))
+
+
+def measured(kind: str, sizes: Sequence[int], ways: Sequence[str]) -> str:
+    """The table of a kind."""
+    head = [kind, "way", "CPU s", "times", "peak MB", "unknowns, variances, redundancies, tests apart"]
+    lines = [head, ["---"] * len(head)]
+    for size in sizes:
+        with tempfile.TemporaryDirectory() as folder:
+            files = [Path(folder) / f"{k}.npz" for k in range(len(ways))]
+            figures = [run(kind, size, way, file) for way, file in zip(ways, files, strict=True)]
+            for way, one, file in zip(ways, figures, files, strict=True):
+                times = one["cpu"] / figures[0]["cpu"]
+                differences = "" if way == ways[0] else apart(files[0], file)
+                cells = [
+                    f"{size:,}",
+                    way,
+                    f"{one['cpu']:.1f}",
+                    f"{times:.1f}",
+                    f"{one['peak']:,.0f}",
+                    differences,
+                ]
+                lines.append(cells)
+                print(*cells, *one["told"], sep=" | ", file=sys.stderr, flush=True)
+    return table(lines)
+
+
+def table(lines: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def laws(kind: str, sizes: Sequence[int]) -> dict[str, tuple[float, float]]:
+    """Of what a tree says of a size: value at the largest one, and exponent of its growth."""
+    found = [forecast(kind, size) for size in (sizes[0], sizes[-1])]
+    ratio = math.log(sizes[-1] / sizes[0])
+    return {key: (found[1][key], math.log(found[1][key] / found[0][key]) / ratio) for key in found[0]}
+
+
+def forecast(kind: str, size: int) -> dict[str, float]:
+    """Bytes of matrix and factor, unknowns that go up to the last part, operations: by symbolic analysis."""
+    pattern = MADE[kind](size).equations().pattern
+    tree = Tree(pattern)
+    parts = tree.parts(tree.factor / 8)
+    root = max(len(part.outer) for part in parts.parts)
+    return {
+        "matrix": 8.0 * pattern.nnz,
+        "factor": float(tree.factor),
+        "root": float(root),
+        "flops": tree.operations,
+    }
+
+
+def on_paper(kinds: dict[str, Sequence[int]]) -> str:
+    """What larger systems take, by laws from the smallest to the largest size that was analysed."""
+    head = ["", "matrix GB", "factor GB", "root", "root GB", "10^12 operations", "parts of 8 GB"]
+    lines = [head, ["---"] * len(head)]
+    for kind, sizes in kinds.items():
+        found = laws(kind, sizes)
+        for size in (sizes[-1], *PAPER[kind]):
+            of = {key: value * (size / sizes[-1]) ** power for key, (value, power) in found.items()}
+            numbers = (
+                of["matrix"] / 1e9,
+                of["factor"] / 1e9,
+                of["root"],
+                8 * of["root"] ** 2 / 1e9,
+                of["flops"] / 1e12,
+            )
+            parts = max(1, math.ceil(ROOM * of["factor"] / 8e9))
+            lines.append([f"{kind} {size:,}", *(f"{number:,.3g}" for number in numbers), f"{parts:,}"])
+    return table(lines)
+
+
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = command_line(__doc__)
+    parser.add_argument("--points", type=int, nargs="*", default=POINTS)
+    parser.add_argument("--images", type=int, nargs="*", default=IMAGES)
+    parser.add_argument("--ways", nargs="+", default=WAYS)
+    parser.add_argument("--kill", action="store_true", help="also with workers that are killed in each phase")
+    parser.add_argument("--write", action="store_true", help="write the tables in docs/scaling.md")
+    parser.add_argument("--alone", nargs=4, metavar=("KIND", "SIZE", "WAY", "FILE"))
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Measures, prints, writes."""
+    options = arguments()
+    if options.alone:
+        kind, size, way, file = options.alone
+        print(json.dumps(alone(kind, int(size), way, Path(file))))
+        return
+    ways = [*options.ways, *(["2 workers, killed"] if options.kill else [])]
+    kinds = {"survey": sorted(options.points), "flight": sorted(options.images)}
+    kinds = {kind: sizes for kind, sizes in kinds.items() if sizes}
+    tables = {"blocks": "\n\n".join(measured(kind, sizes, ways) for kind, sizes in kinds.items())}
+    tables["paper"] = on_paper(kinds)
+    page = PAGE.read_text("utf-8")
+    for name, found in tables.items():
+        print(found, flush=True)
+        page = written(page, name, found, Path(__file__).name) if options.write else page
+    PAGE.write_text(page, "utf-8")
+
+
+if __name__ == "__main__":
+    main()
