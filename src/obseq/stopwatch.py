@@ -24,7 +24,7 @@ class Stopwatch:
 
     def __init__(self, progress: Progress | None = None) -> None:
         self.seconds: dict[str, float] = {}
-        self.progress = progress or _silent
+        self.progress = progress or silent
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -37,5 +37,5 @@ class Stopwatch:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
-def _silent(_: str) -> None:
+def silent(_: str) -> None:
     """The progress callback of those who want none."""

@@ -4,6 +4,7 @@ import time
 import pytest
 
 from obseq.cli import progress
+from obseq.cli.main import main
 from obseq.cli.progress import ERASE, Progress
 
 
@@ -52,3 +53,19 @@ def test_what_is_counted_says_how_long_the_rest_takes(monkeypatch: pytest.Monkey
     assert line._message == "draw 3 of 5, about 6 s left"
     line("iteration 3: sigma0 1.2")
     assert line._message == "iteration 3: sigma0 1.2"
+
+
+def test_an_adjustment_counts_what_its_search_may_spend_and_its_files(tmp_path, monkeypatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(Progress, "__call__", lambda _, message: said.append(message))
+    (tmp_path / "n.cor").write_text("1 A 0 0 0 0.001\n1 B 100 0 0 0.001\n0 C 60 80 0\n", encoding="utf-8")
+    lines = ["4 A C 0 0.001", "4 B C 0.5 0.001", "4 B C 0 0.001", "3 A C 100 0.001", "3 B C 89.443 0.001"]
+    more = ["3 A C 100 0.001", "3 B C 89.443 0.001"]
+    (tmp_path / "n.obs").write_text("\n".join([*lines, *more]) + "\n", encoding="utf-8")
+    given = [str(tmp_path / "n.obs"), str(tmp_path / "n.cor"), "--frame", "Local"]
+    assert main(["adjust", *given, "--out", str(tmp_path / "out")]) == 1
+    search = [line.split() for line in said if line.startswith("search for errors: iteration ")]
+    assert search and all(int(words[4]) <= int(words[6]) for words in search)
+    assert [line for line in said if line.startswith("write: ")] == [
+        f"write: file {k} of 3" for k in (1, 2, 3)
+    ]

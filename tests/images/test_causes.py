@@ -1,6 +1,7 @@
 """Mistakes that all measures share: axes of images, a focal length; single ones; or none."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,9 @@ from accused import codes, diagnosis, said
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ImagePoints
+from obseq.images.causes import trials
+from obseq.images.causes.shared import SharedCause, Told
+from obseq.images.causes.trials import Tries
 from obseq.images.initial import growth
 
 
@@ -165,3 +169,29 @@ def test_measures_that_rays_do_not_tell_apart_are_all_named():
     xy[3] += [0.0, 150.0]
     (one,) = diagnosis(block).accused
     assert {"image i0, point P3", "control point P3"} <= {one.what, *(other.what for other in one.others)}
+
+
+@pytest.mark.parametrize(("is_sure", "is_accepted", "asked"), [(1, 1, 1), (0, 1, 2), (1, 0, 2)])
+def test_nothing_else_is_tried_where_a_sure_cause_explains_all(monkeypatch, is_sure, is_accepted, asked):
+    tried = []
+
+    def cause(name):
+        def changed(subject):
+            tried.append(name)
+            yield name
+
+        return SharedCause(name, "", "", "", "", 0.0, changed, is_sure=bool(is_sure))
+
+    solution = SimpleNamespace(result=SimpleNamespace(redundancy=10), poses=None)
+
+    def fit(tries, cause, trial):
+        yield SimpleNamespace(
+            cause=cause, told=Told(trial), left=10.0, solution=solution, is_accepted=bool(is_accepted)
+        )
+
+    monkeypatch.setattr(Tries, "_fit", fit)
+    monkeypatch.setattr(trials, "principal_shift", lambda found: 0.0)
+    monkeypatch.setattr(trials, "moved", lambda found, given: 0.0)
+    tries = Tries(SimpleNamespace(solution=None, given=None), str, {})
+    found = tries.best([cause("first"), cause("second")])
+    assert tried == ["first", "second"][:asked] and len(found) == asked

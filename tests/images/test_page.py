@@ -119,7 +119,12 @@ def test_residuals_stand_at_their_measures_on_the_frames(solved):
     assert first["dx"] == pytest.approx([record.residuals.dx[k] for k in rows], abs=1e-4)
     assert first["x"] == pytest.approx([record.residuals.x[k] for k in rows], abs=0.1)
     kinds = [chart["kind"] for chart in calibration["charts"]]
-    assert kinds == ["frame", "profile", "matrix", "grid"]
+    assert kinds == ["frame", "profile", "coverage", "matrix", "grid"]
+    counts = np.array(calibration["charts"][2]["counts"])
+    x, y = (np.array(values) for values in (record.residuals.x, record.residuals.y))
+    size = np.array([record.cameras[0].width, record.cameras[0].height])
+    is_first = (x < size[0] / 8) & (y < size[1] / 6)
+    assert (counts.sum(), counts[0, 0]) == (len(x), np.count_nonzero(is_first))
 
 
 def test_a_radial_error_shows_in_the_profile(solved):
@@ -153,7 +158,7 @@ def test_the_page_of_a_stored_result_is_that_of_the_solution(solved, tmp_path, c
     assert (tmp_path / "again/bundle.html").read_text() == page(record)
     assert (tmp_path / "again/bundle.json").read_text() == record.to_json()
     assert "Image block: " in capsys.readouterr().out
-    assert {form.name for form in FORMATS} == {"json", "html", "text"}
+    assert {form.name for form in FORMATS} == {"json", "html", "text", "npz"}
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,23 @@ import browsing
 import pytest
 from msgspec import structs
 
-from obseq.images.output.block_record import BundleRecord
+from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord
+from obseq.images.output.instruments import (
+    ClinometerRecord,
+    ExposureRecord,
+    PairRecord,
+    PlaceRecord,
+    RigidRecord,
+)
 from obseq.images.output.page import shown as shown_block
+from obseq.images.output.page_tables import TABLES as OF_BLOCKS
 from obseq.images.output.record import record_of
-from obseq.records.adjustment import AdjustmentRecord, VarianceComponentRecord
+from obseq.records.adjustment import AdjustmentRecord, JointTestRecord, VarianceComponentRecord
 from obseq.records.record import from_plain, to_plain
 from obseq.records.shown_units import ANGLES, METRES, ShownUnits
 from obseq.report import compared, planned
+from obseq.report.content import TABLES as OF_NETWORKS
+from obseq.report.content_plan import PLAN_TABLES
 from obseq.report.head import Page
 from obseq.report.page import adjustment_page, document
 from obseq.report.units import MIXED, Scale, Sexagesimal, Units, fixed, significant
@@ -26,13 +36,30 @@ from obseq.survey import Datum, Network, Quality, compare, plan, simulate
 
 EVERYTHING = Quality(relative=True, ellipsoids=True, effects=True, inner=True)
 DECLARED = {
-    "adjustment": "observations points known stations by-type by-station ellipsoids relative components",
+    "adjustment": "observations vectors points known stations by-type by-station ellipsoids relative "
+    "components",
     "free": "undetermined",
     "plan": "weakest weak gains",
     "comparison": "displacements",
-    "block": "measures points images parameters check-points antennas positions shutters tests",
+    "block": "measures points images parameters check-points rigid pairs exposures clinometers readings "
+    "antennas positions shutters tests without",
 }
-"""Tables that each page has, at least."""
+"""Tables that each page has: all that there are."""
+LEVER, TURN = (0.123456789, -1.5, 2.0000004), (1.25e-4, -0.0003141592, 0.0)
+CARRIED = RigidRecord(
+    "rig",
+    "left",
+    (
+        PlaceRecord("left", LEVER, (1.0, 0.0, 0.0, 0.0), None),
+        PlaceRecord("right", LEVER, (0.6, 0.8, 0.0, 0.0), (1e-4, 2e-4, 3.5e-4, 1e-5, 2e-5, 0.0)),
+    ),
+    (PairRecord("left", "right", 0.00123, 0.00045),),
+    (ExposureRecord("left", "right", "e1", LEVER, TURN, 0.001, 1e-4),),
+)
+TILTED = ClinometerRecord(
+    "boussole", (0.1, 0.2, 0.97), (0.5, 1.0, 0.0, 0.0), ("a", "b"), (2e-5, -3.5e-4), 3e-4
+)
+"""What few blocks have: made up, as the vectors are; only how they are written counts."""
 CHOSEN = (
     "const [lengths, angles] = arguments; Object.assign(settings, { lengths, angles, language: 'en' });"
     "return Object.fromEntries([...page.tables].map(([id, table]) => {"
@@ -67,9 +94,17 @@ def shown() -> dict[str, Page]:
     network = demo()
     record = network.adjust(quality=EVERYTHING).record("demo")
     component = VarianceComponentRecord("Dist", 1.44, 0.3, 1.2, 2.0, True)
-    record = structs.replace(record, variance_components=(component,))
+    vectors = tuple(
+        JointTestRecord(
+            f"vector PtA -> {name}", "v.obs", line, (), T, 3, 12.625, 0.0055, (T / 1e3, -0.0125, 0.0)
+        )
+        for line, (name, T) in enumerate((("PtB", 15.125), ("PtC", 0.5)), 7)
+    )
+    record = structs.replace(record, variance_components=(component,), joint=vectors)
     epochs = [simulate(network, seed=seed).adjust() for seed in (1, 2)]
     block = record_of(flights.flight(n_points=200, noise=0.4).block.solve())
+    lost = (BlockLeftOutRecord("tie point", "t9999", "it has 1 ray; a free point takes 2"),)
+    block = structs.replace(block, rigid_blocks=(CARRIED,), clinometers=(TILTED,), left_out=lost)
     return {
         "adjustment": adjustment_page(again(record)),
         "free": adjustment_page(again(network.adjust(datum=Datum("inner")).record())),
@@ -77,6 +112,11 @@ def shown() -> dict[str, Page]:
         "comparison": compared.shown(compare(*epochs).record()),
         "block": shown_block(from_plain(BundleRecord, to_plain(block), "the record")),
     }
+
+
+def test_no_table_is_forgotten() -> None:
+    there = {name for names in DECLARED.values() for name in names.split()}
+    assert there == {*OF_NETWORKS, *PLAN_TABLES, *OF_BLOCKS, "displacements"}
 
 
 @pytest.mark.parametrize("kind", DECLARED)

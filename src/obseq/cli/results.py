@@ -3,11 +3,11 @@
 import argparse
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import structs
 
@@ -19,6 +19,7 @@ from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report import formats
 from obseq.report.formats import FORMATS, Format
 from obseq.report.summary import USUAL, Detail, told
+from obseq.stopwatch import Progress, silent
 from obseq.writing import STANDARD_OUTPUT, write_all
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ INCOMPLETE = 1
 STEM = "adjustment"
 """Name of the files in a folder of results."""
 
+Made = TypeVar("Made")
 Outputs = Sequence[tuple[Path, Format]]
 
 
@@ -156,16 +158,30 @@ def show_adjustment(
         print(text)
 
 
+def telling(writers: Mapping[Path, Callable[[], Made]], told: Progress) -> dict[Path, Callable[[], Made]]:
+    """What writes some files, each of which says how far the writing is."""
+
+    def written(number: int, write: Callable[[], Made]) -> Made:
+        told(f"write: file {number} of {len(writers)}")
+        return write()
+
+    return {path: partial(written, k, write) for k, (path, write) in enumerate(writers.items(), 1)}
+
+
 def write(
-    record: AdjustmentRecord, outputs: Outputs, others: Mapping[Path, str | bytes] | None = None
+    record: AdjustmentRecord,
+    outputs: Outputs,
+    others: Mapping[Path, str | bytes] | None = None,
+    told: Progress = silent,
 ) -> AdjustmentRecord:
     """Write all the results that can be made, other files among them; the record with what cannot."""
     boundary, size = Boundary(), len(record.observations)
     writers = {path: partial(form.write, record) for path, form in suiting(size, outputs)}
-    write_all({**(others or {}), **boundary.texts(writers)}, boundary.tell)
+    write_all({**(others or {}), **boundary.texts(telling(writers, told))}, boundary.tell)
     forget(size, outputs)
-    told = tuple(boundary.failures)
-    return structs.replace(record, warnings=(*told, *record.warnings), failures=(*record.failures, *told))
+    failures = tuple(boundary.failures)
+    warnings = (*failures, *record.warnings)
+    return structs.replace(record, warnings=warnings, failures=(*record.failures, *failures))
 
 
 def _inside(folder: Path, stem: str) -> Iterator[tuple[Format, Path]]:

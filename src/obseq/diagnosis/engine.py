@@ -23,25 +23,27 @@ from obseq.diagnosis.verdict import Status, Verdict
 from obseq.errors import ObseqError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from obseq.diagnosis.policy import Policy
     from obseq.diagnosis.protocol import Model
 
+    Told = Callable[[str], None]
 
-def diagnose(model: Model[Place], policy: Policy = POLICY) -> Verdict:
+
+def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = None) -> Verdict:
     """What is wrong with a model, or that nothing is."""
-    search = Search(model, policy)
+    search = Search(model, policy, told)
     return search.at_first() or search.patiently()
 
 
 class Search(Generic[Place]):
     """One diagnosis: what it has spent, and what it found."""
 
-    def __init__(self, model: Model[Place], policy: Policy) -> None:
+    def __init__(self, model: Model[Place], policy: Policy, told: Told | None = None) -> None:
         self._model, self._policy = model, policy
         self._hypotheses = model.hypotheses
-        self._steps = 0
+        self._steps, self._told = 0, told
         self._last: tuple[Place, LinearTests] | None = None
         self._is_large = False
         self._places: list[tuple[Place | None, bool]] = []
@@ -194,8 +196,15 @@ class Search(Generic[Place]):
                 break
         return best
 
+    def _spend(self, steps: int) -> None:
+        """Counts iterations, and tells how many of those that it may spend are spent."""
+        self._steps += steps
+        if self._told is not None and self._budget:
+            spent = min(self._steps, self._budget)
+            self._told(f"search for errors: iteration {spent} of {self._budget}")
+
     def _robust(self, without: Sequence[Change]) -> Place | None:
-        self._steps += 26
+        self._spend(26)
         try:
             return self._model.robust(without)
         except ObseqError:
@@ -262,7 +271,7 @@ class Search(Generic[Place]):
 
     def _adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool]:
         place, converged, steps = self._model.adjusted(place, changes)
-        self._steps += steps
+        self._spend(steps)
         return place, converged
 
     def _selected(self, tests: LinearTests, first: list[int], *, is_robust: bool) -> tuple[int, ...]:

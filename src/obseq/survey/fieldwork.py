@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from obseq.diagnosis.policy import Policy
     from obseq.leastsquares import Blocks, LeastSquaresResult
     from obseq.report.units import Units
+    from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation, Computed
     from obseq.survey.adjustment.datum import Datum
@@ -291,14 +292,16 @@ class Fieldwork:
             raise InputError(f"{listed_errors(told)}\n{reason}") from failed
         raise failed
 
-    def _recorded(self, model: NetworkModel, policy: Policy = POLICY) -> DiagnosisRecord:
+    def _recorded(
+        self, model: NetworkModel, policy: Policy = POLICY, told: Progress | None = None
+    ) -> DiagnosisRecord:
         """What is wrong with a network, judged by a policy."""
 
         def begun(points: Points, book: FieldBook) -> Determined:
             start = Determined(points, book, self._computed(points, book, Choice()))
             return leave_out(start, start.initial.unplaced)
 
-        return record_of(model, self.units, begun, policy)
+        return record_of(model, self.units, begun, policy, told)
 
     def _model(
         self,
@@ -318,9 +321,10 @@ class Fieldwork:
         failed = DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed")
 
         def found() -> Snooped:
+            search = partial(self._recorded, model, told=computation.watch.progress)
             if wanted.snooping is None:
-                return Snooped(self._recorded(model), POLICY)
-            return snooped(partial(self._recorded, model), wanted, adjustment)
+                return Snooped(search(), POLICY)
+            return snooped(search, wanted, adjustment)
 
         return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
 

@@ -23,7 +23,7 @@ from obseq.cli.parsing import (
     positive_number,
 )
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show
+from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show, telling
 from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
@@ -215,7 +215,7 @@ def _reported(
         record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
     with watch.phase("write"):
         boundary = Boundary()
-        files = boundary.texts(_writers(outputs, solution, record, read))
+        files = boundary.texts(telling(_writers(outputs, solution, record, read), watch.progress))
         files |= _written(arguments, solution, boundary)
         record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         write_all(files)

@@ -259,7 +259,7 @@ def _written(network: "Network", request: Request, watch: Stopwatch) -> tuple[Ad
     loading = [PhaseRecord("load", watch.seconds["load"])] if "load" in watch.seconds else []
     record = structs.replace(record, phases=(*loading, *record.phases))
     with watch.phase("write"):
-        record = write(record, request.outputs, files)
+        record = write(record, request.outputs, files, watch.progress)
     rest = (PhaseRecord(name, watch.seconds[name]) for name in ("record", "write"))
     phases = (*record.phases, *rest)
     return structs.replace(record, phases=phases), list(files)

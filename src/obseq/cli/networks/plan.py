@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from obseq.cli.networks.network_files import COMMON, add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_detail, add_units, detail_of, show, shown_in
+from obseq.cli.results import INCOMPLETE, add_detail, add_units, detail_of, show, shown_in, telling
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.stopwatch import Stopwatch
@@ -116,8 +116,8 @@ def run(arguments: argparse.Namespace) -> int:
         with watch.phase("plan"):
             record = _planned(arguments, network, progress)
         with watch.phase("write"):
-            made = zip(places, texts_of(record).values(), strict=True) if out else ()
-            write_all({path: text() for path, text in made})
+            made = dict(zip(places, texts_of(record).values(), strict=True)) if places else {}
+            write_all({path: text() for path, text in telling(made, progress).items()})
     with watch.phase("summary"):
         found = outcome(record)
     show(found, places, detail, watch.seconds)
@@ -166,19 +166,22 @@ def run_simulate(arguments: argparse.Namespace) -> int:
     observations, cor, table = (arguments.out / f"simulated.{suffix}" for suffix in ("obs", "cor", "csv"))
     places = [observations, cor, table]
     check_writable(places, source.files)
-    with Progress("starting"):
+    with Progress("starting") as progress:
         from obseq.formats.conversion import tabled_points
         from obseq.formats.obs.cor import cor_text
         from obseq.formats.obs.obs import obs_text
         from obseq.formats.point_files import csv_text
         from obseq.survey import simulate
 
+        progress("read")
         network = source.read(places)
         if network.book.clusters or network.book.has_shared_unknowns:
             raise InputError(
                 "simulate: OBS files hold no correlated observations, nor groups with unknowns of their own"
             )
+        progress("simulate")
         drawn = simulate(network, None if arguments.exact else arguments.seed, noise=not arguments.exact)
+        progress("write")
         texts = {observations: obs_text(drawn.book)}
         if drawn.points.is_invented.any():
             texts[table] = csv_text(tabled_points(drawn))

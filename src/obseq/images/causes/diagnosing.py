@@ -79,10 +79,11 @@ def diagnosed(
     found = single_errors(block, solution, measures)
     if not found.accused and solution.converged and is_good(solution):
         return _of_good(subject, found, told, options)
-    is_explained = found.status == Status.EXPLAINED and not is_mirrored(solution)
-    is_explained &= len(found.accused) < MANY
-    is_explained &= sum(one.code == IMAGE.code for one in found.accused) <= 1  # two may be exchanged
-    is_much = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
+    is_few = len(found.accused) < MANY
+    is_few &= sum(one.code == IMAGE.code for one in found.accused) <= 1  # two may be exchanged
+    is_explained = found.status == Status.EXPLAINED and is_few and not is_mirrored(solution)
+    left = found.left if found.accused and is_few else squares(solution)
+    is_much = is_astray or may_be_shared(left, solution.result.redundancy)
     if not is_explained and is_much and measures <= MOST_PLACED:
         fits = Tries(subject, told, options).best()
         if fits and _is_cheaper(fits[0], found):

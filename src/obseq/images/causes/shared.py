@@ -83,6 +83,7 @@ class SharedCause:
         rarity: twice the logarithm of how much rarer than one wrong image point it is.
         trials: the changed blocks.
         is_of_good: whether a block that fits may have it.
+        is_sure: whether more than residuals speaks for it: where it explains all, nothing else is tried.
     """
 
     code: str
@@ -93,3 +94,4 @@ class SharedCause:
     rarity: float
     trials: Callable[[Subject], Iterator[Trial]]
     is_of_good: Callable[[Subject], bool] = lambda subject: False
+    is_sure: bool = False

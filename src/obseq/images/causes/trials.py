@@ -80,9 +80,12 @@ class Tries:
 
     def best(self, causes: Sequence[SharedCause] = SHARED) -> list[Fit]:
         """What explains the block, the best first, with all that nothing tells from it; else nothing."""
-        wanted = self._wanted(causes)
-        tried = ((cause, trial) for cause in wanted for trial in cause.trials(self._subject))
-        found = [fit for cause, trial in tried for fit in self._fit(cause, trial)]
+        found: list[Fit] = []
+        for cause in self._wanted(causes):
+            own = [fit for trial in cause.trials(self._subject) for fit in self._fit(cause, trial)]
+            found += own
+            if cause.is_sure and any(fit.is_accepted for fit in own):
+                break
         if not found:
             return []
         least = min(fit.left for fit in found)

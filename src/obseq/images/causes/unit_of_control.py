@@ -38,4 +38,5 @@ UNIT_OF_CONTROL = SharedCause(
     6.0,
     _trials,
     lambda subject: True,
+    is_sure=True,
 )

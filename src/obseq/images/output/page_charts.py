@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from obseq.images.output.block_record import BundleRecord, CameraRecord
     from obseq.report.units import Plain
 
-MOST_ARROWS = 1500
-"""Arrows of a frame; of more, the longest and evenly spread ones."""
+MOST_ARROWS = 400
+"""Arrows of a frame that can be told apart; of more, the suspected and evenly spread ones."""
 MOST_IMAGES = 12
 BINS = 16
+PARTS = (6, 8)
+"""Rows and columns of the parts of a frame."""
 HALF = 0.5
 """Weight below which a measure says nothing of the camera."""
 
@@ -43,6 +45,7 @@ def cameras(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iter
         note = f"all images: {camera.n_measures} image points, rms {camera.rms:.3g} px per coordinate"
         yield _frame(camera, block, rows, marked, camera.name, note)
         yield _profile(camera, block, rows[block.weights[rows] >= HALF])
+        yield _coverage(camera, block, rows)
         free = [j for j, parameter in enumerate(camera.parameters) if parameter.sigma]
         if camera.correlations and len(free) > 1:
             names = [camera.parameters[j].name for j in free]
@@ -66,6 +69,7 @@ def _frame(
     camera: CameraRecord, block: BlockArrays, rows: IntArray, marked: BoolArray, title: str, note: str
 ) -> Plain:
     if len(rows) > MOST_ARROWS:
+        note += f"; {MOST_ARROWS} of them drawn"
         rows = np.union1d(
             rows[marked[rows]], rows[np.linspace(0, len(rows) - 1, MOST_ARROWS).astype(np.intp)]
         )
@@ -77,6 +81,20 @@ def _frame(
         "x": places[:, 0].tolist(), "y": places[:, 1].tolist(),
         "dx": np.round(residuals[:, 0], 4).tolist(), "dy": np.round(residuals[:, 1], 4).tolist(),
         "suspected": np.flatnonzero(marked[rows]).tolist(),
+    }  # fmt: skip
+
+
+def _coverage(camera: CameraRecord, block: BlockArrays, rows: IntArray) -> Plain:
+    """How many image points each part of the frame of a camera has."""
+    corner, size = frame_of((camera.width, camera.height), block.xy[rows])
+    shares = (block.xy[rows] - corner) / size
+    parts = np.histogram2d(shares[:, 1], shares[:, 0], PARTS, ((0.0, 1.0), (0.0, 1.0)))[0].astype(int)
+    empty, whole = int(np.count_nonzero(parts == 0)), parts.size
+    return {
+        "kind": "coverage",
+        "title": f"Coverage of {camera.name}",
+        "note": f"{whole - empty} of {whole} parts of the frame have image points, at most {parts.max()}",
+        "width": float(size[0]), "height": float(size[1]), "counts": parts.tolist(),
     }  # fmt: skip
 
 

@@ -162,6 +162,18 @@ function distortedGrid({ title, width, height, x, y, note = "" }) {
   return chart(title, note, [svg("path", { d: given, class: "grid" }), svg("path", { d: lines.map(path).join(""), class: "arrow" })]);
 }
 
+/** How many image points each part of a frame has; a part without any is left white. */
+function coverage({ title, width, height, counts, note = "" }) {
+  const [scale, rows, most] = [Math.min((CHART.width - 40) / width, (CHART.height - 40) / height), counts.length, Math.max(...counts.flat(), 1)];
+  const [wide, tall] = [width * scale / counts[0].length, height * scale / rows];
+  const cells = counts.flatMap((row, j) => row.map((count, i) => {
+    const at = { x: 20 + i * wide, y: 20 + j * tall, width: wide - 1, height: tall - 1 };
+    const shade = count ? { class: "positive", opacity: (0.15 + 0.8 * count / most).toFixed(2) } : { class: "grid" };
+    return svg("rect", { ...at, ...shade }, [svg("title", {}, [`${count} image points`])]);
+  }));
+  return chart(title, note, [...cells, svg("rect", { x: 20, y: 20, width: width * scale, height: height * scale, class: "grid" })]);
+}
+
 function path(places) {
   let pen = "M";
   return places.map((place) => {
@@ -178,6 +190,7 @@ function drawn(content, tables, limit) {
   if (content.kind === "profile") return profile(content);
   if (content.kind === "matrix") return matrix(content);
   if (content.kind === "grid") return distortedGrid(content);
+  if (content.kind === "coverage") return coverage(content);
   const table = tables.find((item) => item.id === content.table);
   const [column, type] = [columnOf(table, content.column), columnOf(table, "type")];
   if (content.kind === "bands") {

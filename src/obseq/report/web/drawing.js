@@ -102,7 +102,12 @@ class SvgSheet {
   }
 }
 
+/** A disc; one of a pixel or two is a square, which is drawn faster and looks the same. */
 function disc(path, x, y, radius) {
+  if (radius < 1.5) {
+    path.rect(x - radius, y - radius, 2 * radius, 2 * radius);
+    return;
+  }
   path.moveTo(x + radius, y);
   path.arc(x, y, radius, 0, 2 * Math.PI);
 }
@@ -225,12 +230,15 @@ class Room {
     for (const key of this.keys(x, y, width, height)) this.cells.add(key);
   }
 
+  isFree(x, y, width, height) {
+    return !this.keys(x, y, width, height).some((key) => this.cells.has(key));
+  }
+
   /** Takes a rectangle that is free; whether it was. */
   take(x, y, width, height) {
-    const keys = this.keys(x, y, width, height);
-    if (keys.some((key) => this.cells.has(key))) return false;
-    for (const key of keys) this.cells.add(key);
-    return true;
+    const isFree = this.isFree(x, y, width, height);
+    if (isFree) this.fill(x, y, width, height);
+    return isFree;
   }
 
   keys(x, y, width, height) {

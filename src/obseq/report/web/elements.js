@@ -32,7 +32,22 @@ function choice(label, options, value, changed) {
 /** What is told to those who cannot see it. */
 const say = (text) => { byId("live").textContent = text; };
 
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+let palette = null;
+
+function dress(theme) {
+  document.documentElement.dataset.theme = theme;
+  palette = null;
+}
+
+/** A colour of the theme; read once for all that is drawn together. */
+function colour(name) {
+  if (!palette) {
+    palette = new Map();
+    queueMicrotask(() => { palette = null; });
+  }
+  if (!palette.has(name)) palette.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  return palette.get(name);
+}
 
 /** What a browser remembers of a reader; nothing where it may not. */
 const memory = {

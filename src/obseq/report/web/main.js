@@ -351,9 +351,9 @@ class Page {
   /** What is made in the colours of paper. */
   onPaper(made) {
     const { theme } = document.documentElement.dataset;
-    document.documentElement.dataset.theme = "light";
+    dress("light");
     const result = made();
-    document.documentElement.dataset.theme = theme;
+    dress(theme);
     return result;
   }
 
@@ -385,7 +385,7 @@ class Page {
 
   /** Shows the colours that are chosen, or else those of the system. */
   paint(theme) {
-    document.documentElement.dataset.theme = theme ?? (this.system.matches ? "dark" : "light");
+    dress(theme ?? (this.system.matches ? "dark" : "light"));
     this.plan?.redraw();
   }
 

@@ -6,6 +6,8 @@ const NEAR = 12;
 const MARGIN = 44;
 const BARS = 30;
 const MOST_NAMES = 600;
+/** Pixels of the narrowest name: where it has no room, none has. */
+const LEAST_NAME = 4;
 const MOST_UNPLACED = 30;
 const MOST_SIGHTS = 20000;
 const TYPE_COLOURS = ["#4477aa", "#cc6677", "#228833", "#b8860b", "#66a5c9", "#aa3377", "#888888", "#e07b39", "#44aa99", "#8866cc"];
@@ -330,8 +332,11 @@ class Plan {
     room.fill(0, 0, 46, 62);
     room.fill(0, this.height - BARS, this.width, BARS);
     let count = 0;
-    for (const [k, x, y] of [...this.inside].sort((a, b) => rank(a[0]) - rank(b[0]))) {
-      if (count >= MOST_NAMES || (rank(k) > 3 && this.isCrowded)) break;
+    const ranked = Array.from({ length: this.isCrowded ? 4 : 5 }, () => []);
+    for (const one of this.inside) ranked[rank(one[0])]?.push(one);
+    for (const [k, x, y] of ranked.flat()) {
+      if (count >= MOST_NAMES) break;
+      if (!PLACES_OF_NAMES.some(([dx, dy, back]) => room.isFree(x + dx - back * LEAST_NAME - 1, y + dy - 10, LEAST_NAME, 12))) continue;
       const weight = rank(k) < 2 ? 600 : 400;
       const wide = sheet.wide(this.names[k], 12, weight);
       const free = PLACES_OF_NAMES.find(([dx, dy, back]) => this.holds(x + dx - back * wide, y + dy, wide) && room.take(x + dx - back * wide - 1, y + dy - 10, wide + 2, 12));

@@ -219,7 +219,7 @@ class Table {
 
   /** Scrolls to the selected row. */
   bring() {
-    const place = this.rows.findIndex((row) => this.picked.has(row));
+    const place = this.picked.size ? this.rows.findIndex((row) => this.picked.has(row)) : -1;
     const height = Table.rowHeight;
     const [top, room] = [this.scroll.scrollTop, this.scroll.clientHeight - 2 * height];
     if (place >= 0 && (place * height < top || place * height > top + room)) this.scroll.scrollTop = Math.max(0, place - 3) * height;

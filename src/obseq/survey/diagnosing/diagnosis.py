@@ -59,6 +59,7 @@ def record_of(
     units: Units,
     begin: Callable[[Points, FieldBook], Determined],
     policy: Policy = POLICY,
+    told: Callable[[str], None] | None = None,
 ) -> DiagnosisRecord:
     """What is wrong with a network: single errors, groups, and what is only seen when values are rewritten.
 
@@ -67,15 +68,18 @@ def record_of(
         units: In which sizes are told.
         begin: Points and observations -> what can be computed of them, at initial values.
         policy: How it is judged.
+        told: Receives how far the search is.
     """
-    search = Search(model, policy)
+    search = Search(model, policy, told)
     found = search.at_first()
     if found is not None:
         return Diagnosis(found, model, units).record()
     from obseq.survey.diagnosing.rewritings import best_rewriting
 
     trial = best_rewriting(model, begin, is_many=search.count > policy.few)
-    rest = None if trial is None else Diagnosis(diagnose(trial.model, policy), trial.model, units).record()
+    rest = (
+        None if trial is None else Diagnosis(diagnose(trial.model, policy, told), trial.model, units).record()
+    )
     if trial is None or rest is None:
         return Diagnosis(search.patiently(), model, units).record()
     status = "explained" if rest.status == "accepted" else rest.status

@@ -210,7 +210,8 @@ class _Search:
 
     def chequers(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
         """Looks for chequered targets."""
-        for disc in self._free(level, find_discs(level, sign)):
+        gap = min(one.spec.geometry.inside for one in sets)
+        for disc in self._free(level, find_discs(level, sign, gap)):
             for one in sets:
                 if self._chequered(level, one, disc):
                     break
