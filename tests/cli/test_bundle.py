@@ -144,7 +144,7 @@ def test_a_wrong_survey_distance_is_the_suspect_with_its_line(tables, capsys):
     code, first = suspect_of(options, capsys, *more)
     assert code == 1
     assert "P10 -> P12" in first
-    assert "d.obs:1)" in first and "Is off by +0." in first
+    assert "d.obs:1)" in first and "Is off by 0." in first
 
 
 def test_sigmas_that_are_all_too_small_make_no_suspect(tables, capsys):

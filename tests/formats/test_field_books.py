@@ -269,6 +269,15 @@ def test_a_stream_of_topcon_may_be_sent_in_numbered_lines(tmp_path):
         assert book.observations.to_heights[1] == 1.5
 
 
+def test_a_table_of_known_points_says_itself_what_it_is(job, monkeypatch, capsys):
+    monkeypatch.chdir(job)
+    options = ["--sigmas", *SIGMAS, "--refraction", "1", "--to", "b.obs"]
+    assert main(["convert", "job.gsi", "known.csv", *options]) == 0
+    bare = (job / "b.obs").read_text()
+    assert main(["convert", "job.gsi", "--cor", "known.csv", *options]) == 0
+    assert (job / "b.obs").read_text() == bare
+
+
 @pytest.mark.parametrize("tilt", ["", "+****", "-0012"])
 def test_angles_alone_of_topcon_may_come_with_the_tilt(tmp_path, tilt):
     text = (

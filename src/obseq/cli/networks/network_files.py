@@ -226,10 +226,12 @@ def _by_role(arguments: argparse.Namespace) -> tuple[list[Path], list[Path], lis
     roles = {path: format_of(path).role for path in arguments.project}
     obs += [path for path, role in roles.items() if role is Role.OBSERVATIONS]
     cor += [path for path, role in roles.items() if role is Role.POINTS]
-    project = [path for path, role in roles.items() if role in (Role.NETWORK, Role.TABLE)]
-    if obs and all(roles[path] is Role.TABLE for path in project):
-        return obs, cor + project, []  # tables of points with OBS files
-    return obs, cor, project
+    networks, tables = (
+        [path for path, role in roles.items() if role is wanted] for wanted in (Role.NETWORK, Role.TABLE)
+    )
+    if obs or networks:  # tables beside observations are of points
+        return obs, cor + tables, networks
+    return obs, cor, tables
 
 
 def given(options: Options) -> Options:
