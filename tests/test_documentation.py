@@ -23,6 +23,7 @@ WITH_EXAMPLES = [
     ROOT / "docs" / "first-block.md",
     ROOT / "docs" / "camera-model.md",
     ROOT / "docs" / "aerial.md",
+    ROOT / "docs" / "result-file.md",
     ROOT / "docs" / "epipolar.md",
     ROOT / "docs" / "projects.md",
     ROOT / "docs" / "planning.md",

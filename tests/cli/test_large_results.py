@@ -47,6 +47,13 @@ def test_what_is_asked_for_by_name_is_written_whatever_the_size(large, tmp_path,
     assert "Not written, as there are more than 3 observations: adjustment.txt," in capsys.readouterr().out
 
 
+def test_what_a_program_reads_from_standard_output_is_json_alone(large, tmp_path, capsys) -> None:
+    assert main(["adjust", *NETWORK, "--out", str(tmp_path), "--json", "-"]) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["format"] == "obseq-adjustment"
+    assert "Not written, as there are more than 3 observations: adjustment.txt" in told.err
+
+
 def test_a_small_result_is_what_it_was(tmp_path, capsys) -> None:
     assert main(["adjust", *NETWORK, "--out", str(tmp_path)]) == 0
     names = ["adjustment.html", "adjustment.json", "adjustment.txt"]

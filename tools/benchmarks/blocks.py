@@ -125,7 +125,9 @@ def cluster() -> Any:
     """Two workers of this machine."""
     from distributed import Client, LocalCluster
 
-    return Client(LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None))
+    client = Client(LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None))
+    client.wait_for_workers(2)
+    return client
 
 
 def alone(kind: str, size: int, way: str, file: Path) -> Figures:
@@ -210,10 +212,11 @@ def table(lines: Sequence[Sequence[str]]) -> str:
 
 
 def laws(kind: str, sizes: Sequence[int]) -> dict[str, tuple[float, float]]:
-    """Of what a tree says of a size: value at the largest one, and exponent of its growth."""
+    """Of what a tree says of a size: value at the largest one, and exponent; a separator is a line: 0.5."""
     found = [forecast(kind, size) for size in (sizes[0], sizes[-1])]
     ratio = math.log(sizes[-1] / sizes[0])
-    return {key: (found[1][key], math.log(found[1][key] / found[0][key]) / ratio) for key in found[0]}
+    powers = {key: math.log(found[1][key] / found[0][key]) / ratio for key in found[0]}
+    return {key: (found[1][key], power) for key, power in (powers | {"root": 0.5}).items()}
 
 
 def forecast(kind: str, size: int) -> dict[str, float]:

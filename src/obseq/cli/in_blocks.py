@@ -20,7 +20,7 @@ def add_blocks_arguments(command: argparse.ArgumentParser) -> None:
     blocks.add_argument(
         "--memory",
         metavar="SIZE",
-        help="solve in parts, with no more memory than this (8GB) for each process",
+        help="solve in parts, so that each process needs no more than this (8GB) for it",
     )
     workers = blocks.add_mutually_exclusive_group()
     workers.add_argument(

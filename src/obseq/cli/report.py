@@ -16,11 +16,11 @@ from obseq.cli.results import (
     detail_of,
     forget,
     in_units,
-    not_written,
     outputs_of,
     show,
     show_adjustment,
     suiting,
+    tell_not_written,
     write,
 )
 from obseq.errors import InputError
@@ -105,8 +105,7 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
     _write(texts, suiting(size, outputs))
     forget(size, outputs)
     show(found, _paths(suiting(size, outputs)), detail_of(arguments))
-    if text := not_written(size, outputs):
-        print(text)
+    tell_not_written(size, outputs)
     return 0 if record.is_complete else INCOMPLETE
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TextIO, TypeVar
 
 from msgspec import structs
 
@@ -104,6 +104,17 @@ def not_written(size: int, outputs: Outputs) -> str:
     )
 
 
+def tell_not_written(size: int, outputs: Outputs) -> None:
+    """Print that, where the summary is printed."""
+    if text := not_written(size, outputs):
+        print(text, file=_stream([path for path, _ in outputs]))
+
+
+def _stream(paths: Sequence[Path]) -> TextIO:
+    """Where a summary goes: beside a result that is printed itself, which a program may read."""
+    return sys.stderr if STANDARD_OUTPUT in paths else sys.stdout
+
+
 def forget(size: int, outputs: Outputs) -> None:
     """Delete what an earlier run left in the folder in formats that this result is not written in."""
     for path, form in outputs:
@@ -137,7 +148,7 @@ def show(
 ) -> None:
     """Print the summary, on standard error where a result is printed: that may be read by a program."""
     paths = list(written)
-    stream = sys.stderr if STANDARD_OUTPUT in paths else sys.stdout
+    stream = _stream(paths)
     for line, level in told(outcome, [str(path) for path in paths], detail, seconds):
         print(coloured(line, level, stream), file=stream)
 
@@ -154,8 +165,7 @@ def show_adjustment(
     seconds["summary"] = time.perf_counter() - begun
     size = len(record.observations)
     show(found, [*others, *(path for path, _ in suiting(size, outputs))], detail, seconds)
-    if text := not_written(size, outputs):
-        print(text)
+    tell_not_written(size, outputs)
 
 
 def telling(writers: Mapping[Path, Callable[[], Made]], told: Progress) -> dict[Path, Callable[[], Made]]:

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
 _NONE, _SEVERAL = -1, -2
 """In place of the observation that a column changes: none, or more than one."""
+CHUNK = 64
+"""Columns that are solved together."""
+_NUMBERS = 4_000_000
+"""Numbers of a matrix of columns: 32 MB, which a network of 60,000 equations fills with the chunk above."""
 _AT_A_TIME = 4096
 """Columns whose products are made together."""
 
@@ -61,6 +65,16 @@ class Columns:
         """(n, m) some of them."""
         found = self.matrix[:, which]
         return found if isinstance(found, np.ndarray) else np.asarray(found.toarray())
+
+    @property
+    def at_a_time(self) -> int:
+        """How many are solved for together: as many as a matrix over all equations has room for."""
+        return max(1, min(CHUNK, _NUMBERS // max(int(self.matrix.shape[0]), 1)))
+
+    def through(self, linear: Linear, which: IntArray) -> FloatArray:
+        """(u, m) A' times some of them."""
+        found = linear.rows.T @ self.matrix[:, which]
+        return np.ascontiguousarray(found if isinstance(found, np.ndarray) else found.toarray())
 
     def weights_apart(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, as if its equations had no unknowns in common."""

@@ -20,6 +20,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.diagnosis.columns import CHUNK
 from obseq.diagnosis.given import Given
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.policy import Policy
 
-_CHUNK, _KEPT = 64, 8
-"""Columns that are solved together; sets of accepted hypotheses that are kept: each is asked for again."""
+_KEPT = 8
+"""Sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY, _NOTHING = 1e-300, 1e-10
 """Smallest length of a column; share of its weight in place of none, where others do the same."""
 _PAIR = 2
@@ -134,7 +135,7 @@ class LinearTests:
             wanted = np.isnan(grams[:, 0, 0])
             if self._is_screened:
                 wanted &= self._asks(shown)[columns].any(axis=1)
-            for part in _parts(np.flatnonzero(wanted)):
+            for part in _parts(np.flatnonzero(wanted), CHUNK):
                 grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property
@@ -168,15 +169,15 @@ class LinearTests:
         wanted = np.isnan(self._weight)
         if self._is_screened:
             wanted &= self._asks(shown)
-        for part in _parts(np.flatnonzero(wanted)):
-            through = np.ascontiguousarray(self.linear.rows.T @ self._columns.some(part))
+        for part in _parts(np.flatnonzero(wanted), self._columns.at_a_time):
+            through = self._columns.through(self.linear, part)
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
             self._weight[part] = 1.0 - taken
 
     def _solve_for(self, columns: IntArray) -> None:
         """Works out C' R C of some columns with all."""
         missing = np.array([k for k in dict.fromkeys(columns.tolist()) if k not in self._across], np.intp)
-        for part in _parts(missing):
+        for part in _parts(missing, self._columns.at_a_time):
             made = self._columns.shown(self.linear.left(self._columns.some(part))).T
             self._across.update(zip(part.tolist(), made, strict=True))
 
@@ -359,9 +360,9 @@ def _level(false_alarm: float, power: float, tests: tuple[tuple[int, int], ...])
     return float(f"{shared_level(false_alarm, dict(tests or ((1, 1),)), power):.1e}")
 
 
-def _parts(which: IntArray) -> list[IntArray]:
+def _parts(which: IntArray, most: int) -> list[IntArray]:
     """Numbers of columns, some at a time."""
-    return [which[first : first + _CHUNK] for first in range(0, len(which), _CHUNK)]
+    return [which[first : first + most] for first in range(0, len(which), most)]
 
 
 def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:

@@ -90,7 +90,9 @@ class Workers:
         cluster = dask.LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=memory or 0
         )
-        return self._own(dask.Client(self._own(cluster)))
+        client = self._own(dask.Client(self._own(cluster)))
+        client.wait_for_workers(count)
+        return client
 
 
 def _dask() -> Value:
