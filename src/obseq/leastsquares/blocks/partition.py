@@ -30,7 +30,7 @@ NUMBER = 8
 
 ROOM = 3.0
 """Memory of a part as a multiple of its factor: the factor, its structure, the matrix, updates or fronts.
-Where a network's factor has 2.27 kB a point, these have 5.3 (docs/scaling.md): 2.3, and a fourth in reserve."""
+Where the factor of a network has 2.27 kB a point, these have 5.3: 2.3 times, and a fourth in reserve."""
 
 
 class Part(NamedTuple):
