@@ -19,6 +19,7 @@ from msgspec import structs
 
 from obseq.errors import InputError
 from obseq.reading.json_text import parsed_json
+from obseq.reading.text import start_of
 from obseq.records.columns import Lazy, Texts
 from obseq.records.record import Record, encoded
 from obseq.records.rows import AnyRows, Rows, Stored
@@ -86,12 +87,12 @@ def read_lists(path: str | Path, kinds: Mapping[str, type[Record]]) -> dict[str,
 
 
 def is_columns(path: Path) -> bool:
-    """Whether a file begins as one of columns does."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
+    """Whether a file begins as one of columns does.
+
+    Raises:
+        InputError: It cannot be read, or is no file.
+    """
+    return start_of(path, len(MAGIC)) == MAGIC
 
 
 def read_columns(path: str | Path) -> dict[str, object]:
