@@ -58,6 +58,16 @@ tiles = np.zeros(4 * 40)
 fill_lanes(tiles, 0, np.arange(128.0).reshape(32, 4), 0, 0)
 print(tiles.reshape(4, 40)[:, :3])
 """
+LAYERS = """
+import numpy as np
+from obseq.targets.drawing.painting import Figure
+from obseq.targets.drawing.rendering import Region, layers
+figure = Figure(1.2, 2.0, 2.5, 0.0, True, True, False, False, True, 0.0, 0.0, 0.0, 0.0, 0.1)
+region = Region(2.5, np.inf, False, 2.5, -2.5, 2.5, 9.0, 9.0, 9.0)
+shares = np.empty((4 + 6, 12, 12))
+layers(figure, 4, region, np.array([5.5, 5.5, 2.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0]), 2, shares)
+print(shares.sum(axis=(1, 2)).tolist())
+"""
 SPOTS = """
 import numpy as np
 from obseq.targets.finding.light_spots import stand_out
@@ -145,9 +155,15 @@ CASES = {
         "> 0.0 else 1.0",
         "> 0.0 else 2.0",
     ),
-    "targets": (
+    "targets/drawing": (
+        LAYERS,
+        "targets/drawing/painting.py",
+        "return min(math.floor(place), bits - 1)",
+        "return max(min(math.floor(place), bits - 1) - 1, 0)",
+    ),
+    "targets/finding": (
         SPOTS,
-        "targets/detection.py",
+        "targets/finding/detection.py",
         "(1.0 - y) * upper + y * lower",
         "(2.0 - y) * upper + y * lower",
     ),
@@ -162,7 +178,7 @@ def test_every_compiled_room_has_a_case() -> None:
     assert {"generated"} | rooms - {"compilation"} == CASES.keys()
 
 
-@pytest.mark.slow  # seven programs; at first two compilations of each loop
+@pytest.mark.slow  # eight programs; at first two compilations of each loop
 def test_a_change_in_what_is_called_is_seen(copy: Path, lender: subprocess.Popen[str]) -> None:
     """One change after the other is seen; what was compiled before is as good when all is as it was."""
     everything = [script for script, *_ in CASES.values()]
