@@ -1,6 +1,7 @@
 """`obseq adjust --memory` and its kin: the results of one machine, and what is told."""
 
 import json
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -72,6 +73,13 @@ def test_the_diagnosis_of_parts_is_that_of_one_machine(site):
     assert [one.what for one in found.accused] == [one.what for one in whole.accused]
     assert found.accused[0].size == pytest.approx(whole.accused[0].size, rel=1e-9)
     assert "site.obs:61" in found.accused[0].what
+
+
+def test_few_unknowns_are_solved_whole_and_that_is_told_once(capsys):
+    demo = files("obseq.survey") / "data"
+    main(["adjust", str(demo / "demo.obs"), str(demo / "demo.cor"), "--memory", "1MB"])
+    told = capsys.readouterr().err
+    assert told.count("blocks: ") == 1 and "unknowns are solved whole, as up to 250 are" in told
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from contextlib import AbstractContextManager, nullcontext
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,10 +48,11 @@ def blocks_of(arguments: argparse.Namespace) -> "Blocks | None":
         return None
     from obseq.leastsquares import Blocks
 
-    return Blocks(arguments.memory, client, arguments.work, arguments.resume, tell=_tell)
+    return Blocks(arguments.memory, client, arguments.work, arguments.resume, tell=cache(_tell))
 
 
 def _tell(text: str) -> None:
+    """Once: trials of the diagnosis are solved in the same way."""
     print(printable(text), file=sys.stderr)
 
 

@@ -28,6 +28,7 @@ def chosen_solver(pattern: SymmetricPattern, name: str | Blocks = "auto", *, thr
     if isinstance(name, str):
         return choose_solver(pattern, name, threads=threads)
     if pattern.n <= SMALL and not name.parts:
+        name.tell(f"blocks: {pattern.n} unknowns are solved whole, as up to {SMALL} are")
         return choose_solver(pattern, threads=threads)
     from obseq.leastsquares.blocks.solver import BlockSolver
 
