@@ -84,7 +84,7 @@ class LinearTests:
         self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
         self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
-        self._is_screened = linear.n > policy.large
+        self._is_screened, self._still = linear.n > policy.large, policy.columns
         counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
         tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in sorted(counts.items()))
         self.level = _level(policy.false_alarm, policy.power, tests)
@@ -169,10 +169,19 @@ class LinearTests:
         wanted = np.isnan(self._weight)
         if self._is_screened:
             wanted &= self._asks(shown)
-        for part in _parts(np.flatnonzero(wanted), self._columns.at_a_time):
+        for part in _parts(self._worst(np.flatnonzero(wanted), shown), self._columns.at_a_time):
             through = self._columns.through(self.linear, part)
             taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
             self._weight[part] = 1.0 - taken
+
+    def _worst(self, wanted: IntArray, shown: FloatArray) -> IntArray:
+        """As many columns as are still solved for at this place, the worst first where more ask."""
+        if not self._is_screened:
+            return wanted
+        apart = shown[wanted] ** 2 / self._apart[wanted].clip(np.finfo(np.float64).tiny)
+        chosen = wanted[np.argsort(-apart, kind="stable")[: self._still]]
+        self._still -= len(chosen)
+        return chosen
 
     def _solve_for(self, columns: IntArray) -> None:
         """Works out C' R C of some columns with all."""

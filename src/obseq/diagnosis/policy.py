@@ -44,7 +44,8 @@ class Policy:
             less than a third of what its equations show one by one.
         sigmas: Rarity of sigmas that are all too small by one factor: as of groups.
         columns: Equations of a group that takes them out one by one, up to which it is tested: each is solved
-            for, and all their products are kept.
+            for, and all their products are kept. Of columns that pass the screen, so many are solved for at
+            one place: more pass only where nearly everything contradicts, or of 400,000.
         steps, steps_of_large: Iterations of all adjustments together; of models with more equations than
             `large`, where their time is that of a few adjustments.
     """
