@@ -93,9 +93,7 @@ class LinearTests:
 
     def limit(self, degrees: int) -> float:
         """K of a test of so many degrees of freedom, for the variance factor of the noise."""
-        if not degrees:
-            return np.inf
-        return self.scale * joint_critical(self.level, self.policy.power, int(degrees))
+        return np.inf if not degrees else self.scale * joint_critical(self.level, self.policy.power, int(degrees))
 
     @property
     def rarity(self) -> FloatArray:
@@ -178,7 +176,7 @@ class LinearTests:
         """As many columns as are still solved for at this place, the worst first where more ask."""
         if not self._is_screened:
             return wanted
-        apart = shown[wanted] ** 2 / self._apart[wanted].clip(np.finfo(np.float64).tiny)
+        apart = shown[wanted] ** 2 / self._apart[wanted].clip(_TINY)
         chosen = wanted[np.argsort(-apart, kind="stable")[: self._still]]
         self._still -= len(chosen)
         return chosen
@@ -197,8 +195,6 @@ class LinearTests:
 
     def took(self, chosen: Sequence[int]) -> float:
         """What hypotheses take of the sum of squares together."""
-        if not len(chosen):
-            return 0.0
         own = self._own_columns(chosen)
         shares, axes = np.linalg.eigh(self._gram(own))
         seen = shares > self.policy.unseen
