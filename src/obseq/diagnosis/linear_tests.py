@@ -93,7 +93,8 @@ class LinearTests:
 
     def limit(self, degrees: int) -> float:
         """K of a test of so many degrees of freedom, for the variance factor of the noise."""
-        return np.inf if not degrees else self.scale * joint_critical(self.level, self.policy.power, int(degrees))
+        beyond = joint_critical(self.level, self.policy.power, int(degrees)) if degrees else np.inf
+        return self.scale * beyond
 
     @property
     def rarity(self) -> FloatArray:
