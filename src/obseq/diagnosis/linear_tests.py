@@ -196,8 +196,7 @@ class LinearTests:
 
     def took(self, chosen: Sequence[int]) -> float:
         """What hypotheses take of the sum of squares together."""
-        own = self._own_columns(chosen)
-        shares, axes = np.linalg.eigh(self._gram(own))
+        shares, axes = np.linalg.eigh(self._gram(own := self._own_columns(chosen)))
         seen = shares > self.policy.unseen
         return float(np.sum(np.square(self.shown[own] @ axes[:, seen]) / shares[seen]))
 
