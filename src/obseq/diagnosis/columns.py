@@ -25,6 +25,7 @@ CHUNK = 64
 """Columns that are solved together."""
 _NUMBERS = 4_000_000
 """Numbers of a matrix of columns: 32 MB, which a network of 60,000 equations fills with the chunk above."""
+_PAIR = 2
 _AT_A_TIME = 4096
 """Columns whose products are made together."""
 
@@ -180,3 +181,32 @@ def _inner(left: Matrix, right: Matrix, q: int) -> FloatArray:
             product = first * second if isinstance(left, np.ndarray) else first.multiply(second)
             found[:, i, j] = np.asarray(product.sum(axis=0)).ravel()
     return found
+
+
+def joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """T, degrees of freedom (g,) and sizes (g, q) of sets, from M (g, q, q) and u (g, q)."""
+    if weights.shape[1] == _PAIR:
+        return _joint_of_pairs(weights, shown, unseen)
+    shares, axes = np.linalg.eigh(weights)
+    seen = shares > unseen
+    along = np.einsum("gij,gi->gj", axes, shown)
+    sizes = np.where(seen, along / np.where(seen, shares, 1.0), 0.0)
+    return (sizes * along).sum(axis=1), seen.sum(axis=1), np.einsum("gij,gj->gi", axes, sizes)
+
+
+def _joint_of_pairs(
+    weights: FloatArray, shown: FloatArray, unseen: float
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """The same for sets of two, whose eigenvectors stand in closed form: blocks have many of them."""
+    first, second, cross = weights[:, 0, 0], weights[:, 1, 1], weights[:, 0, 1]
+    angle = 0.5 * np.arctan2(2.0 * cross, first - second)
+    middle, half = 0.5 * (first + second), np.hypot(0.5 * (first - second), cross)
+    axis = np.column_stack([np.cos(angle), np.sin(angle)])
+    across = np.column_stack([-axis[:, 1], axis[:, 0]])
+    found, degrees = np.zeros(len(weights)), np.zeros(len(weights), np.int64)
+    sizes = np.zeros_like(shown)
+    for share, direction in ((middle + half, axis), (middle - half, across)):
+        along, seen = np.einsum("gi,gi->g", direction, shown), share > unseen
+        size = np.where(seen, along / np.where(seen, share, 1.0), 0.0)
+        found, degrees, sizes = found + size * along, degrees + seen, sizes + size[:, None] * direction
+    return found, degrees, sizes

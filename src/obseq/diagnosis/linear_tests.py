@@ -20,7 +20,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.diagnosis.columns import CHUNK
+from obseq.diagnosis.columns import CHUNK, joint
 from obseq.diagnosis.given import Given
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
@@ -37,7 +37,6 @@ _KEPT = 8
 """Sets of accepted hypotheses that are kept: each is asked for again."""
 _TINY, _NOTHING = 1e-300, 1e-10
 """Smallest length of a column; share of its weight in place of none, where others do the same."""
-_PAIR = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +92,9 @@ class LinearTests:
 
     def limit(self, degrees: int) -> float:
         """K of a test of so many degrees of freedom, for the variance factor of the noise."""
-        beyond = joint_critical(self.level, self.policy.power, int(degrees)) if degrees else np.inf
-        return self.scale * beyond
+        if not degrees:
+            return np.inf
+        return self.scale * joint_critical(self.level, self.policy.power, int(degrees))
 
     @property
     def rarity(self) -> FloatArray:
@@ -196,7 +196,10 @@ class LinearTests:
 
     def took(self, chosen: Sequence[int]) -> float:
         """What hypotheses take of the sum of squares together."""
-        shares, axes = np.linalg.eigh(self._gram(own := self._own_columns(chosen)))
+        if not len(chosen):
+            return 0.0
+        own = self._own_columns(chosen)
+        shares, axes = np.linalg.eigh(self._gram(own))
         seen = shares > self.policy.unseen
         return float(np.sum(np.square(self.shown[own] @ axes[:, seen]) / shares[seen]))
 
@@ -237,14 +240,14 @@ class LinearTests:
         for which, columns, grams in self._sets:
             across = given.basis[:, columns].transpose(1, 0, 2)
             left = np.nan_to_num(grams) - across.transpose(0, 2, 1) @ across
-            found, rank, sizes = _joint(left, given.shown[columns], self.policy.unseen)
+            found, rank, sizes = joint(left, given.shown[columns], self.policy.unseen)
             size = np.linalg.norm(sizes / self.norm[columns], axis=1)
             statistic[which] = np.where(size <= self.hypotheses.most[which], found, 0.0)
             degrees[which] = rank
         for i in self._standing_out(alone) if blocks else ():
             own = self.hypotheses.of(i)
             left = self._gram(own) - given.basis[:, own].T @ given.basis[:, own]
-            found, rank, _ = _joint(left[None], given.shown[own][None], self.policy.unseen)
+            found, rank, _ = joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
         limits = np.full(int(degrees.max(initial=1)) + 1, np.inf)
@@ -264,7 +267,7 @@ class LinearTests:
         return self._single[(seen[0] & ~seen[1])[self._at_single]]
 
     def _standing_out(self, alone: FloatArray) -> list[int]:
-        """Blocks most of whose rows are off."""
+        """Blocks most of whose rows are off; of a large model the worst, as far as a selection begins."""
         blocks = self._blocks
         if not blocks.size:
             return []
@@ -272,7 +275,12 @@ class LinearTests:
         off = np.append(0, np.cumsum(alone[self.hypotheses.columns] > least))
         count = off[self.hypotheses.starts[1:]] - off[self.hypotheses.starts[:-1]]
         need = np.maximum(2, self.policy.whole * self.hypotheses.q)
-        return list(map(int, blocks[count[blocks] >= need[blocks]]))
+        found = blocks[count[blocks] >= need[blocks]]
+        if self._is_screened:
+            found = found[np.argsort(-count[found], kind="stable")]
+            before = np.cumsum(self.hypotheses.q[found]) - self.hypotheses.q[found]
+            found = found[before < self.policy.begun]
+        return list(map(int, found))
 
     def rank(self, index: int) -> int:
         """Degrees of freedom of a hypothesis alone."""
@@ -368,32 +376,3 @@ def _level(false_alarm: float, power: float, tests: tuple[tuple[int, int], ...])
 def _parts(which: IntArray, most: int) -> list[IntArray]:
     """Numbers of columns, some at a time."""
     return [which[first : first + most] for first in range(0, len(which), most)]
-
-
-def _joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:
-    """T, degrees of freedom (g,) and sizes (g, q) of sets, from M (g, q, q) and u (g, q)."""
-    if weights.shape[1] == _PAIR:
-        return _joint_of_pairs(weights, shown, unseen)
-    shares, axes = np.linalg.eigh(weights)
-    seen = shares > unseen
-    along = np.einsum("gij,gi->gj", axes, shown)
-    sizes = np.where(seen, along / np.where(seen, shares, 1.0), 0.0)
-    return (sizes * along).sum(axis=1), seen.sum(axis=1), np.einsum("gij,gj->gi", axes, sizes)
-
-
-def _joint_of_pairs(
-    weights: FloatArray, shown: FloatArray, unseen: float
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """The same for sets of two, whose eigenvectors stand in closed form: blocks have many of them."""
-    first, second, cross = weights[:, 0, 0], weights[:, 1, 1], weights[:, 0, 1]
-    angle = 0.5 * np.arctan2(2.0 * cross, first - second)
-    middle, half = 0.5 * (first + second), np.hypot(0.5 * (first - second), cross)
-    axis = np.column_stack([np.cos(angle), np.sin(angle)])
-    across = np.column_stack([-axis[:, 1], axis[:, 0]])
-    found, degrees = np.zeros(len(weights)), np.zeros(len(weights), np.int64)
-    sizes = np.zeros_like(shown)
-    for share, direction in ((middle + half, axis), (middle - half, across)):
-        along, seen = np.einsum("gi,gi->g", direction, shown), share > unseen
-        size = np.where(seen, along / np.where(seen, share, 1.0), 0.0)
-        found, degrees, sizes = found + size * along, degrees + seen, sizes + size[:, None] * direction
-    return found, degrees, sizes
