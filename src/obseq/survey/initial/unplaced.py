@@ -193,7 +193,10 @@ def explain_stations(known: Known, graph: SightGraph, book: FieldBook) -> list[U
 
 def _station_reason(known: Known, graph: SightGraph, station: int) -> str:
     if graph.orientations[station] == Orientation.BASC.value:
-        return "a #BASC station is oriented by two directions to placed points, or placed by three vectors"
+        return (
+            "a #BASC station is oriented by two directions to placed points, or placed by three vectors; "
+            "where fewer points are placed, by heights of its targets and an azimuth"
+        )
     placed = [known.names[target] for target in graph.targets(station) if known.is_placed(target)]
     if placed:
         return f"the placed points that it sees ({_names(placed)}) are on its vertical, or have no reading"
