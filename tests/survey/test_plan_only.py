@@ -107,7 +107,9 @@ def test_files_of_results_leave_it_empty_and_are_read_again(tmp_path, capsys):
     assert read_json(result).points[3].crs_z is None
 
 
-@pytest.mark.parametrize("line", ["6 A P 90.23 1e-3", "3 P A 279.46 2e-3\n3 P B 327.69 2e-3", "4 A P 40.0 2e-3"])
+@pytest.mark.parametrize(
+    "line", ["6 A P 90.23 1e-3", "3 P A 279.46 2e-3\n3 P B 327.69 2e-3", "4 A P 40.0 2e-3"]
+)
 def test_one_observation_that_sees_the_height_makes_it_an_unknown(tmp_path, line):
     """A zenith angle, slope distances or a height difference give it."""
     found = _network(tmp_path, *line.split("\n")).adjust()
