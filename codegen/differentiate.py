@@ -64,7 +64,7 @@ def directional(
 def falling(
     graph: ExpressionGraph, residuals: list[int], observations: tuple[str, ...], formula: str
 ) -> list[list[str]]:
-    """For each residual, the observations of which it falls by 1 where they grow by 1: computed minus observed.
+    """For each residual, the observations of which it falls by 1 where they grow by 1.
 
     Args:
         graph: The graph of the residuals.
