@@ -60,12 +60,6 @@ QUALITY = Quality()
 GIVEN = Datum()
 
 
-def _is_blocks(value: object) -> bool:
-    from obseq.leastsquares import Blocks
-
-    return isinstance(value, Blocks)
-
-
 @dataclass(frozen=True, eq=False)
 class Network(Edited):
     """Points and observations to adjust.
@@ -332,7 +326,7 @@ class Network(Edited):
         datum=instance(Datum) | TEXT | NOTHING,
         strategy=TEXT,
         loss=TEXT | NOTHING,
-        blocks=Expected("Blocks or None", lambda value: value is None or _is_blocks(value)),
+        blocks=Expected("Blocks", lambda value: type(value).__name__ == "Blocks") | NOTHING,
     )
     def adjust(
         self,
