@@ -13,7 +13,7 @@ from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
     from obseq.records.rows import Rows
@@ -22,6 +22,8 @@ POOR = 0.1
 """Redundancy below which an observation is hardly checked: most of an error goes into the result."""
 MOST_BEYOND = 3
 MOST_NAMES = 8
+NOT_JUDGED = "Adjusted, but not everything could be judged."
+"""The verdict where what should explain a result has failed."""
 
 
 def sight(row: ObservationRecord) -> str:
@@ -50,6 +52,7 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
     """Suspected errors, and what is worth knowing."""
     accused = tuple(_accused(record, item) for item in record.gross_errors)
     others = (
+        *not_judged(record.failures),
         *_undecided(record),
         *_sigma0(record),
         *_types(record),
@@ -67,6 +70,12 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
     return tuple(
         part for part in (Findings("Suspected errors", accused), Findings(title, others)) if part.items
     )
+
+
+def not_judged(failures: Sequence[str]) -> Iterator[Finding]:
+    """What should explain the result, and failed: nobody has looked."""
+    for text in failures:
+        yield Finding("warn", "Not judged", name(text))
 
 
 def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
@@ -94,8 +103,9 @@ def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
 def _undecided(record: AdjustmentRecord) -> Iterator[Finding]:
     found = record.diagnosis
     if found is not None and (found.status == "undecided" or found.reason):
+        is_wrong = found.status == "unexplained" or (found.status == "undecided" and not record.failures)
         yield Finding(
-            "bad" if found.status in ("undecided", "unexplained") else "info",
+            "bad" if is_wrong else "info",
             f"Search for errors: {found.status}",
             name(found.reason),
         )
@@ -278,6 +288,7 @@ def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _said(record: AdjustmentRecord) -> Iterator[Finding]:
     for text in record.warnings:
-        yield Finding("warn", "Warning", name(text))
+        if text not in record.failures:
+            yield Finding("warn", "Warning", name(text))
     for text in record.notes:
         yield Finding("info", "Note", name(text))

@@ -9,6 +9,7 @@ import numpy as np
 from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
 from obseq.printable import listed
+from obseq.report.findings import not_judged
 from obseq.report.head import Finding, Findings, Place, counted
 from obseq.report.said import name, small
 
@@ -63,6 +64,7 @@ def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
 
 
 def _others(record: BundleRecord) -> Iterator[Finding]:
+    yield from not_judged(record.failures)
     found = record.diagnosis
     if found is not None and found.reason:
         yield Finding(
@@ -106,8 +108,6 @@ def _others(record: BundleRecord) -> Iterator[Finding]:
     yield from _checks(record)
     yield from _weakly_checked(record)
     yield from _fit(record)
-    for failure in record.failures:
-        yield Finding("warn", "Warning", name(failure))
     for note in record.notes:
         yield Finding("info", "Note", name(note))
 
