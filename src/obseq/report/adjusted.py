@@ -27,6 +27,7 @@ from obseq.report.head import (
     strip,
 )
 from obseq.report.named import ellipse_level
+from obseq.report.part import part_of
 from obseq.report.said import name, small
 from obseq.report.spared import spared
 from obseq.report.summary import Outcome
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
     from obseq.records.adjustment import PointRecord
     from obseq.records.quality import StatisticsRecord
+    from obseq.report.columns import Table
     from obseq.report.head import Level
 
 MOST_NAMES = 8
@@ -49,7 +51,11 @@ def outcome(record: AdjustmentRecord) -> Outcome:
     record = spared(record)
     rows = numbers_of(record)
     made = partial(tables, record, rows)
-    return Outcome(head(record, rows), list(rows), units_of(record), tuple(TABLES), made)
+
+    def some() -> list[Table]:
+        return tables(part_of(record)[0], rows, TABLES.keys() - {"points"})
+
+    return Outcome(head(record, rows), list(rows), units_of(record), tuple(TABLES), made, some)
 
 
 def head(record: AdjustmentRecord, rows: Mapping[str, int]) -> Head:

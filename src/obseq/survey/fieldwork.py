@@ -228,7 +228,7 @@ class Fieldwork:
         from obseq.survey.causes.mirrored import mirror_warning
         from obseq.survey.causes.odd_sigmas import odd_sigmas
 
-        with computation.watch.phase("initial values"):
+        with computation.watch.phase("initial values"), computation.watch.counted("initial values"):
             self._check_datum()
             given = Determined(self.points, self.book, start or self.initial_values())
             if strict:
