@@ -10,7 +10,7 @@ from obseq.printable import listed
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.basis import basis, kinds
 from obseq.report.content import TABLES, numbers_of, tables
-from obseq.report.findings import POOR, findings, sight, spreads, weakest
+from obseq.report.findings import NOT_JUDGED, POOR, findings, sight, spreads, weakest
 from obseq.report.head import (
     WORDS,
     Card,
@@ -119,7 +119,8 @@ def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
                 else f"{count} errors are suspected. Check them"
             )
         return "bad", f"Not usable yet: {what}, then adjust again."
-    if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
+    status = "" if diagnosis is None else diagnosis.status
+    if status == "unexplained" or (status == "undecided" and not record.failures):
         return "bad", "Not usable yet: something is wrong, and no single cause explains it."
     for level, text in _restricted(record):
         return level, text
@@ -140,7 +141,7 @@ def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
 def _restricted(record: AdjustmentRecord) -> Iterator[tuple[Level, str]]:
     """What is not as it was given: the reasons of exit code 1 that are no errors."""
     if record.failures:
-        yield "warn", "Adjusted, but not everything could be judged: see the warnings."
+        yield "warn", NOT_JUDGED
     if record.left_out:
         what = counted(len(record.left_out), "point or station is", "points and stations are")
         yield "warn", f"Usable, but {what} not determined and left out."

@@ -16,7 +16,7 @@ from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
     from obseq.records.diagnosis import DiagnosisRecord
@@ -27,6 +27,8 @@ POOR = 0.1
 """Redundancy below which an observation is hardly checked: most of an error goes into the result."""
 MOST_BEYOND = 3
 MOST_NAMES = 8
+NOT_JUDGED = "Adjusted, but not everything could be judged."
+"""The verdict where what should explain a result has failed."""
 BOOK = "see the field book"
 
 
@@ -56,7 +58,7 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
     """Suspected errors, and what is worth knowing."""
     accused = tuple(_accused(record, item) for item in record.gross_errors)
     others = (
-        *searched(record.diagnosis),
+        *searched(record.diagnosis, record.failures),
         *_sigma0(record),
         *_types(record),
         *_snooped(record),
@@ -101,12 +103,15 @@ def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, 
     return Finding("bad", what, name(text), size, where, step, f"obseq causes {item.code}", to)
 
 
-def searched(found: DiagnosisRecord | None) -> Iterator[Finding]:
-    """What the search for errors says of itself, and effects that many show together, which are no errors."""
+def searched(found: DiagnosisRecord | None, failures: Sequence[str]) -> Iterator[Finding]:
+    """What could not be judged, what the search for errors says of itself, and effects that are no errors."""
+    for text in failures:
+        yield Finding("warn", "Not judged", name(text))
     if found is None:
         return
     if found.status == "undecided" or found.reason:
-        level: Level = "bad" if found.status in ("undecided", "unexplained") else "info"
+        is_wrong = found.status == "unexplained" or (found.status == "undecided" and not failures)
+        level: Level = "bad" if is_wrong else "info"
         yield Finding(level, f"Search for errors: {found.status}", name(found.reason))
     for item in found.remarks:
         text = item.text.removeprefix(item.what).lstrip(": ")
@@ -303,6 +308,7 @@ def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _said(record: AdjustmentRecord) -> Iterator[Finding]:
     for text in record.warnings:
-        yield Finding("warn", "Warning", name(text))
+        if text not in record.failures:
+            yield Finding("warn", "Warning", name(text))
     for text in record.notes:
         yield Finding("info", "Note", name(text))

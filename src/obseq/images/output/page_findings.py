@@ -50,7 +50,7 @@ def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
 
 
 def _others(record: BundleRecord) -> Iterator[Finding]:
-    yield from searched(record.diagnosis)
+    yield from searched(record.diagnosis, record.failures)
     if text := distrusted(record):
         yield Finding("bad", "Not to be trusted", name(text))
     yield from _lost("Left out", record.left_out, "warn")
@@ -85,8 +85,6 @@ def _others(record: BundleRecord) -> Iterator[Finding]:
     yield from _checks(record)
     yield from _weakly_checked(record)
     yield from _fit(record)
-    for failure in record.failures:
-        yield Finding("warn", "Warning", name(failure))
     for note in record.notes:
         yield Finding("info", "Note", name(note))
 
