@@ -186,7 +186,10 @@ class _Search:
                 self._trail = Trail()
                 return trial, None
             trial = self._path.within(self._radius)
-        return self._accepted(self._stretched(trial))
+        taken, reason = self._accepted(self._stretched(trial))
+        if taken is not trial or not trial.is_full:
+            self._arrival.interrupt()
+        return taken, reason
 
     def _linearise(self, in_passing: bool = False) -> None:
         self.known += 1
@@ -349,6 +352,7 @@ class _Search:
         self._restrained = 0
         start = self._equations.table.state()
         way = self._way_below(trial, enough, known)
+        self._arrival.interrupt()
         if way is not None:
             self._radius, self._prompt = max(self._radius, way), FIRST_EXCURSION
             return True
@@ -362,6 +366,7 @@ class _Search:
 
         The unknowns have moved to a cost well below, or are where they were, linearised anew.
         """
+        self._arrival.interrupt()
         table, way = self._equations.table, self._trail.taken()
         start, enough = table.state(), cost - AHEAD * self._decrease
         table.move(way)
