@@ -184,7 +184,9 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
     note = f"{100 * (1 - test.level):g} % chi-square interval"
     if record.gross_errors:
         rest = record.diagnosis and record.diagnosis.sigma0
-        note = f"{rest:.3g} without the suspected errors" if rest else "spoilt by the suspected errors"
+        note = (
+            "spoilt by the suspected errors" if rest is None else f"{rest:.3g} without the suspected errors"
+        )
     figure = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
     return Card("sigma0", significant(test.sigma0, 4), "expected 1", tag, figure, note, Place("quality"))
 
