@@ -63,9 +63,9 @@ def pins(level: str) -> dict[str, str]:
     for line in (ROOT / "requirements" / f"{level}.txt").read_text(encoding="utf-8").splitlines():
         if line.startswith("-r "):
             found |= pins(line.removeprefix("-r ").removesuffix(".txt"))
-        elif match := re.match(r"([\w.-]+)==(\S+)(?: ; ([^\\]+))?", line):
-            if match[3] is None or Marker(match[3]).evaluate():
-                found[match[1]] = match[2]
+        match = re.match(r"([\w.-]+)==(\S+)(?: ; ([^\\]+))?", line)
+        if match and (match[3] is None or Marker(match[3]).evaluate()):
+            found[match[1]] = match[2]
     return found
 
 
