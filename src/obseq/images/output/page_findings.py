@@ -9,7 +9,7 @@ import numpy as np
 from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
 from obseq.printable import listed
-from obseq.report.findings import searched, suspected
+from obseq.report.findings import searched, shortened, suspected
 from obseq.report.head import Finding, Findings, Place, counted
 from obseq.report.said import name, small
 
@@ -36,7 +36,7 @@ def findings(record: BundleRecord) -> tuple[Findings, ...]:
         Findings("Suspected errors", tuple(_accused(record, item) for item in accused)),
         Findings("Worth knowing" if accused else "Look at first", tuple(_others(record))),
     )
-    return tuple(part for part in found if part.items)
+    return shortened(found, [place.file for item in accused for place in item.observations])
 
 
 def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
