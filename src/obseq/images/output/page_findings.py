@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from obseq.records.diagnosis import AccusedRecord
     from obseq.report.head import Level
 
+PLACE = re.compile(r"\(([^()]+):\d+\)")
+"""A line of a file that a text quotes."""
 FIRST = 4
 """Names of what is not to be trusted."""
 MOST_NAMES = 8
@@ -36,7 +39,8 @@ def findings(record: BundleRecord) -> tuple[Findings, ...]:
         Findings("Suspected errors", tuple(_accused(record, item) for item in accused)),
         Findings("Worth knowing" if accused else "Look at first", tuple(_others(record))),
     )
-    return shortened(found, [place.file for item in accused for place in item.observations])
+    texts = (f"{item.title} {item.text}" for part in found for item in part.items)
+    return shortened(found, [file for text in texts for file in PLACE.findall(text)])
 
 
 def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
