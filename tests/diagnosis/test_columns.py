@@ -28,7 +28,7 @@ def linear_of(rows, residuals):
     taken = csr_array(block_diag([rows[pair] @ cofactors @ rows[pair].T for pair in PAIRS], format="csr"))
     solve = cofactors.__matmul__
     return Linear(
-        residuals, csr_array(rows), csr_array(identity(N)), csc_array(cofactors), taken, solve, N - U
+        residuals, csr_array(rows), csr_array(identity(N)), lambda: csc_array(cofactors), taken, solve, N - U
     )
 
 
@@ -76,7 +76,7 @@ def test_plain_arrays_give_the_same_products(rows):
     sets = np.array([[0, 1], [4, 5]])
     sparse = Columns(csc_array(dense), np.ones(8, bool))
     dense_rows = Linear(
-        linear.residuals, rows, np.eye(N), np.eye(U), linear.taken, linear.solve, linear.redundancy
+        linear.residuals, rows, np.eye(N), lambda: np.eye(U), linear.taken, linear.solve, linear.redundancy
     )
     assert plain.grams(dense_rows, sets) == pytest.approx(sparse.grams(linear, sets))
     assert plain.first_weights(dense_rows) == pytest.approx(sparse.first_weights(linear))

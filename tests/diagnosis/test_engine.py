@@ -72,7 +72,7 @@ class Linearly:
             self.observed + self.matrix @ place,
             csr_array(self.matrix),
             csr_array(identity(N)),
-            csc_array(inverse),
+            lambda: csc_array(inverse),
             diagonal(leverages),
             lambda right: inverse @ right,
             N - U,

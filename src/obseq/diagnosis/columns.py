@@ -46,13 +46,15 @@ class Columns:
         """(k,) length of each."""
         if isinstance(self.matrix, np.ndarray):
             return np.asarray(np.sqrt(np.einsum("ij,ij->j", self.matrix, self.matrix)))
-        return np.asarray(np.sqrt(self.matrix.multiply(self.matrix).sum(axis=0))).ravel()
+        return np.sqrt(_by_column(self.matrix, np.square(self.matrix.data)))
 
-    def scaled(self, lengths: FloatArray) -> Columns:
-        """The same divided by lengths (k,)."""
-        if isinstance(self.matrix, np.ndarray):
-            return Columns(self.matrix / lengths, self.is_local)
-        return Columns((self.matrix / lengths[None, :]).tocsc(), self.is_local)
+    def scale(self, lengths: FloatArray) -> None:
+        """Divides them by lengths (k,), in place: of a large network they are most of the memory."""
+        matrix = self.matrix
+        if isinstance(matrix, np.ndarray):
+            matrix /= lengths
+        else:
+            matrix.data /= np.repeat(lengths, np.diff(matrix.indptr))
 
     def shown(self, vectors: FloatArray) -> FloatArray:
         """(k,) or (k, m) C' times vectors (n,) or (n, m)."""
@@ -82,7 +84,7 @@ class Columns:
         shares = 1.0 - linear.taken.diagonal()
         if isinstance(self.matrix, np.ndarray):
             return np.asarray(shares @ self.matrix**2)
-        return np.asarray(self.matrix.multiply(self.matrix).T @ shares)
+        return _by_column(self.matrix, np.square(self.matrix.data) * shares[self.matrix.indices])
 
     def first_weights(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, where it costs little; NaN of those that a solve each would take."""
@@ -143,11 +145,11 @@ class Columns:
 
     def _ways(self, linear: Linear, sets: IntArray) -> list[tuple[IntArray, Ways]]:
         """Sets by how what the unknowns take of them is found: vectors whose products with others it is."""
-        rows, cofactors = cast("Matrix", linear.rows), cast("Matrix", linear.cofactors)
+        rows = cast("Matrix", linear.rows)
 
         def locally(flat: csc_array) -> tuple[Matrix, Matrix]:
             through = (rows.T @ flat).tocsc()
-            return through, (cofactors @ through).tocsc()
+            return through, (linear.cofactors @ through).tocsc()
 
         def exactly(flat: csc_array) -> tuple[Matrix, Matrix]:
             through = (rows.T @ flat).toarray()
@@ -165,6 +167,14 @@ class Columns:
         """A' C, and Q A' C."""
         through = np.asarray(linear.rows.T @ self.matrix)
         return through, linear.solve(np.ascontiguousarray(through)) if len(through) else through
+
+
+def _by_column(matrix: csc_array, values: FloatArray) -> FloatArray:
+    """(k,) sums of values that stand in the place of the entries of a matrix."""
+    result, (some,) = np.zeros(matrix.shape[1]), np.nonzero(np.diff(matrix.indptr))
+    if some.size:
+        result[some] = np.add.reduceat(values, matrix.indptr[some])
+    return result
 
 
 def _sums(left: Matrix, right: Matrix) -> FloatArray:

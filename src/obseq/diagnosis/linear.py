@@ -8,10 +8,12 @@ it large, where the place is near the solution without the error: A and v0 are t
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.statistics.final_state import final_state
@@ -38,7 +40,7 @@ class Linear:
         residuals: (n,) v0, whitened: computed minus observed over sigmas.
         rows: (n, u) A, whitened.
         whitening: (n, n) from residuals in their units to whitened ones.
-        cofactors: (u, u) Q on the pattern of the normal matrix.
+        inverse: Gives (u, u) Q on the pattern of the normal matrix, which few tests ask for.
         taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored;
             dense where A is.
         solve: Q times right-hand sides (u,) or (u, k).
@@ -48,7 +50,7 @@ class Linear:
     residuals: FloatArray
     rows: csr_array | FloatArray
     whitening: csr_array | FloatArray
-    cofactors: csc_array | FloatArray
+    inverse: Callable[[], csc_array | FloatArray]
     taken: csr_array | FloatArray
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
@@ -57,6 +59,11 @@ class Linear:
     def n(self) -> int:
         """How many equations there are."""
         return len(self.residuals)
+
+    @cached_property
+    def cofactors(self) -> csc_array | FloatArray:
+        """(u, u) Q on the pattern of the normal matrix."""
+        return self.inverse()
 
     def left(self, vectors: FloatArray) -> FloatArray:
         """R times vectors (n,) or (n, k): what the unknowns do not take of them."""
@@ -97,7 +104,7 @@ def linearised(
         np.concatenate([root @ one.ravel() for root, one in zip(roots, raw, strict=True)]),
         csr_array(vstack([state.cluster_rows(batch) for batch in batches], format="csr")),
         csr_array(block_diag(roots, format="csr")),
-        state.equations.pattern.matrix(state.cofactors.values),
+        partial(state.equations.pattern.matrix, state.cofactors.values),
         csr_array(block_diag([taken_of(state, batch) for batch in batches], format="csr")),
         state.solve,
         result.redundancy,
@@ -144,7 +151,7 @@ def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Ba
         weights * np.concatenate([one.ravel() for one in raw]),
         matrix,
         np.diag(weights),
-        cofactors,
+        lambda: cofactors,
         np.diag(np.einsum("ij,ij->i", matrix @ cofactors, matrix)),
         state.solve,
         result.redundancy,
@@ -161,7 +168,8 @@ def _of_nothing(result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
     values = np.concatenate([np.zeros(0), *residuals])
     whitening = csr_array(block_diag(roots, format="csr")) if roots else csr_array((0, 0))
     none, nothing = csr_array((len(values), 0)), diagonal(np.zeros(len(values)))
-    return Linear(values, none, whitening, csc_array((0, 0)), nothing, np.asarray, result.redundancy)
+    empty = partial(csc_array, (0, 0))
+    return Linear(values, none, whitening, empty, nothing, np.asarray, result.redundancy)
 
 
 def taken_of(state: FinalState, batch: Batch) -> csr_array:
