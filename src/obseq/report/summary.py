@@ -51,6 +51,7 @@ class Outcome:
         units: Of lengths and angles.
         known: Names of all tables that results of its kind may have.
         tables: Makes those of some names, all without any.
+        worst: Makes what a large result has of those that have an order, points apart; None: `tables` do.
     """
 
     head: Head
@@ -58,6 +59,7 @@ class Outcome:
     units: Units
     known: tuple[str, ...]
     tables: Callable[[Collection[str]], list[Table]]
+    worst: Callable[[], list[Table]] | None = None
 
 
 @dataclass(frozen=True)
@@ -261,7 +263,7 @@ def _facts(outcome: Outcome, but: Collection[str]) -> Iterator[Line]:
 
 def _worst(outcome: Outcome) -> Iterator[Line]:
     """The first rows of the tables that have an order."""
-    for table in outcome.tables(()):
+    for table in outcome.worst() if outcome.worst else outcome.tables(()):
         if table.get("order") and table["id"] != "points":
             yield from _lines(outcome, table, worst(table, table["order"])[:WORST])
 

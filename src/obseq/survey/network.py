@@ -290,9 +290,8 @@ class Network(Edited):
     @property
     def fieldwork(self) -> Fieldwork:
         """What an adjustment works on."""
-        has_heights = self.frame.has_vertical and self.points_crs.kind is not crs.Kind.GEOCENTRIC
-        points = with_plans_only(self.points, self.book) if has_heights else self.points
-        return Fieldwork(points, self.book, self.frame, self.points_crs, self.shown, self.written)
+        work = Fieldwork(self.points, self.book, self.frame, self.points_crs, self.shown, self.written)
+        return replace(work, points=with_plans_only(self.points, self.book)) if work.has_heights else work
 
     def given_points(self) -> Points:
         """The points with coordinates in the system of their files; those that it adds have none."""

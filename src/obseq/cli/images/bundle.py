@@ -173,7 +173,7 @@ def _adjusted(arguments: argparse.Namespace) -> int:
             from obseq.images.causes.refusals import explained
             from obseq.images.output.overview import overview
 
-        with watch.phase("read"):
+        with watch.phase("read"), watch.counted("read"):
             block, datum = read_block(arguments)
         given, options = block.poses, _options(datum, arguments)
         if not block.check_points and not arguments.checks:
@@ -319,7 +319,7 @@ def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> Opt
 
 
 def _solve(block: BundleAdjustment, options: Options, watch: Stopwatch) -> BundleSolution:
-    with watch.phase("initial values"):
+    with watch.phase("initial values"), watch.counted("initial values"):
         block.initialise()
     with watch.phase("adjust"):
         return block.solve(progress=lambda step: watch.progress(str(step)), **options)

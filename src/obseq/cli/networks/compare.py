@@ -130,12 +130,12 @@ def _compared(
     from obseq.survey import Datum, compare
     from obseq.survey.adjustment.datum import DatumKind
 
-    with watch.phase("read"):
+    with watch.phase("read"), watch.counted("read"):
         before = shown_in(first.read(), arguments.units)
     reading = second.reading | {"frame": before.frame.system.definition}
     if not second.project:
         reading["points_crs"] = before.points_crs.definition
-    with watch.phase("read"):
+    with watch.phase("read"), watch.counted("read"):
         after = shown_in(replace(second, reading=reading).read(), arguments.units)
     # coordinates of reference points that have moved would bend the network
     datum = Datum(DatumKind.INNER, tuple(arguments.reference)) if arguments.reference else None

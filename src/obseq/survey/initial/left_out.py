@@ -10,6 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.records.adjustment import LeftOutRecord
+from obseq.survey.initial.plan_only import are_in_plan_only
 from obseq.survey.initial.rivals import unknown_zeros
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.registry import codes_where
@@ -72,6 +73,30 @@ def leave_out(given: Determined, undetermined: Sequence[Unplaced]) -> Determined
     alone = [item for item in found if _stands_alone(given, item, bad_points)]
     named = tuple(_described(given, item, _lost(given.book, item, active, of_point)) for item in alone)
     return _without(given, bad_points, bad_stations, active, named)
+
+
+def in_plan(given: Determined) -> Determined:
+    """The network, with the heights as invented of points that are left with observations of their plan.
+
+    What may see their heights goes to points that nothing places.
+
+    Args:
+        given: a network in a frame with heights, and initial values with the reasons for what they lack.
+    """
+    unplaced = given.initial.unplaced
+    flat = {item.point: item.plan for item in unplaced if item.plan is not None}
+    if not flat:
+        return given
+    others = [item for item in unplaced if item.point not in flat]
+    rows = replace(given.book.observations, active=_still_active(given, *_masks(given, others)))
+    found = are_in_plan_only(given.points, replace(given.book, observations=rows))
+    coordinates, invented = given.initial.coordinates.copy(), given.points.is_invented.copy()
+    for row, place in flat.items():
+        if found[row]:
+            coordinates[row], invented[row, 2] = place, True
+    left = tuple(item for item in unplaced if item.point not in flat or not found[item.point])
+    initial = replace(given.initial, coordinates=coordinates, unplaced=left)
+    return replace(given, points=replace(given.points, invented=invented), initial=initial)
 
 
 def _masks(given: Determined, found: Sequence[Unplaced]) -> tuple[BoolArray, BoolArray]:
