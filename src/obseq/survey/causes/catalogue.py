@@ -11,6 +11,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.leastsquares.sparse import Sparse
 from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
 _FEW = 200_000
-"""Entries up to which matrices are plain arrays: sparse ones take longer to begin, and SciPy to load."""
+"""Entries up to which matrices are plain arrays: sparse ones take longer to begin."""
 RARITY = {ROW: 0.0, KNOWN: 1.0, KNOWN_PLAN: 4.0}
 
 
@@ -157,13 +158,10 @@ class Catalogue:
             plain = np.zeros((linear.n, self._n_columns))
             plain[places, np.repeat(np.arange(self._n_columns), np.diff(starts))] = values
             return Columns(linear.whitening.diagonal()[:, None] * plain, is_local)
-        from scipy.sparse import csc_array
-
-        sparse = csc_array((values, places, starts), shape=(linear.n, self._n_columns))
-        if linear.whitening.nnz > linear.n:  # observations that are correlated
-            return Columns((linear.whitening @ sparse).tocsc(), is_local)
-        sparse.data *= linear.whitening.diagonal()[places]
-        sparse.eliminate_zeros()
+        sparse, whitening = Sparse(values, places, starts, linear.n), linear.whitening
+        if len(whitening.values) > linear.n:  # observations that are correlated
+            return Columns(sparse @ whitening.T, is_local)
+        sparse.values *= whitening.values[places]
         return Columns(sparse, is_local)
 
     def _entries(self, equations: Equations, effects: Effects) -> tuple[FloatArray, IndexArray, IntArray]:
