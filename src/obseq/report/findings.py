@@ -118,7 +118,7 @@ def _shortened(part: Findings, short: Mapping[str, str]) -> Findings:
 
 def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, to: Place | None) -> Finding:
     """An error: what it is called, how large it is, where it was read, where to look, and where it is."""
-    text = item.text.removeprefix(item.what).lstrip(": ")
+    text = item.text.removeprefix(item.what).lstrip(": ").removeprefix("is ")
     text = text[:1].upper() + text[1:]
     if item.others:
         others = listed([other.what for other in item.others], MOST_NAMES)
