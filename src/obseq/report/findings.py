@@ -18,6 +18,7 @@ from obseq.report.verdict import Verdict as Test
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from obseq.arrays import BoolArray
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
     from obseq.records.diagnosis import DiagnosisRecord
     from obseq.records.rows import Rows
