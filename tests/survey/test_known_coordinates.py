@@ -99,6 +99,6 @@ def test_the_frame_of_a_network_across_the_date_line_is_there(tmp_path):
 
 def test_a_point_known_at_a_pole_is_refused_by_name(tmp_path):
     (tmp_path / "n.cor").write_text("1 A 0 90 0 0.001\n1 B 0 89.999 0 0.001\n0 P 90 89.999 9\n")
-    (tmp_path / "n.obs").write_text("3 A P 80.070 0.002\n3 B P 80.136 0.003\n")
+    (tmp_path / "n.obs").write_text("3 A P 80.070 0.002\n3 B P 80.136 0.003\n4 A P 1.0 0.01\n")
     with pytest.raises(InputError, match=r"point A \(.*n.cor:1\) is known at a pole"):
         Network.read(tmp_path / "n.obs", tmp_path / "n.cor", points_crs="EPSG:4326").adjust()

@@ -166,7 +166,7 @@ def _adjusted(arguments: argparse.Namespace) -> int:
     second = _second(outputs).values() if arguments.without_accused else ()
     others = [path for writer, place in _asked(arguments) for path in writer.places(place)]
     check_writable([*outputs.values(), *second, *others], inputs(arguments))
-    detail = detail_of(arguments)
+    detail = detail_of(arguments, "block")
     with Progress("loading") as progress:
         watch = Stopwatch(progress)
         with watch.phase("load"):
@@ -256,7 +256,7 @@ def _without_accused(
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
     print()
-    _show(record, written, detail_of(arguments), watch)
+    _show(record, written, detail_of(arguments, "block"), watch)
     return INCOMPLETE
 
 

@@ -80,7 +80,7 @@ def register(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare what the command line names."""
-    first, detail = source_of(arguments), detail_of(arguments)
+    first, detail = source_of(arguments), detail_of(arguments, "comparison")
     second = _second(arguments, first)
     places = [arguments.out / name for name in NAMES] if arguments.out else []
     check_writable(places, [*first.files, *second.files])

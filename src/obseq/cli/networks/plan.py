@@ -111,7 +111,7 @@ def _add_seed(group: argparse._ArgumentGroup) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan what the command line names."""
-    source, out, detail = source_of(arguments), arguments.out, detail_of(arguments)
+    source, out, detail = source_of(arguments), arguments.out, detail_of(arguments, "plan")
     names = "plan.json", "plan.txt", "plan.html"
     places = [out / name for name in names] if out else []
     check_writable(places, source.files)

@@ -13,6 +13,7 @@ from obseq.images.output.page_findings import findings
 from obseq.images.output.page_instruments import INSTRUMENTS
 from obseq.images.output.page_plan import plan
 from obseq.images.output.page_tables import TABLES, names_of, tables
+from obseq.report.findings import NOT_JUDGED
 from obseq.report.head import (
     WORDS,
     Card,
@@ -115,6 +116,8 @@ def _judged(record: BundleRecord) -> tuple[Level, str]:
         )
     if record.weak:
         return "warn", f"Adjusted without precisions: {name(record.weak)}."
+    if record.failures:
+        return "warn", NOT_JUDGED
     if not record.is_complete:
         return "warn", "Usable, but not all of it took part: see the findings."
     if test is not None and not test.passed:
