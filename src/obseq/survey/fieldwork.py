@@ -225,8 +225,8 @@ class Fieldwork:
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
-        from obseq.survey.causes.mirrored import mirror_warning
-        from obseq.survey.causes.odd_sigmas import odd_sigmas
+        from obseq.survey.diagnosing.mirrored import mirror_warning
+        from obseq.survey.diagnosing.odd_sigmas import odd_sigmas
 
         with computation.watch.phase("initial values"), computation.watch.counted("initial values"):
             self._check_datum()

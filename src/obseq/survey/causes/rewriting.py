@@ -184,7 +184,7 @@ def _of_values(
         for scope in scopes:
             groups = grouped(scope, scope.labels(notes), mask, least)
             for k, label in enumerate(groups.labels.tolist()):
-                rows = groups.rows[groups.starts[k] : groups.starts[k + 1]]
+                rows = groups.of(k)
                 is_all = is_wanted and len(rows) == np.count_nonzero(mask)
                 if rows.tobytes() in seen or is_all or (is_wanted and not is_wanted(rows)):
                     continue
