@@ -139,7 +139,7 @@ def test_four_radial_terms_of_micmac_are_exact(shared_data):
 
 
 def test_a_loose_block_of_micmac_arrives(case):
-    """38 image coordinates and control good to a metre hardly determine a camera: it takes many small steps."""
+    """Four images and control good to a metre hardly determine a camera: it takes many small steps."""
     options = ("--micmac", "Ori-Ground_mm3d", "--micmac-measures", "GroundMeasure.xml")
     options += ("--micmac-points", "Ground-Pts3D.xml", "--image-sigma", "1")
     _, loose = case("micmac-v1-four-radial", *options)
