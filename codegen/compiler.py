@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import sympy
 
-from obseq.codegen.differentiate import Jacobian, jacobians
+from obseq.codegen.differentiate import Jacobian, falling, jacobians
 from obseq.codegen.expression_graph import ExpressionGraph, operations
 from obseq.codegen.products import collect_terms, share_products, share_signs
 from obseq.codegen.translate import graph_of
@@ -46,6 +46,18 @@ class Translated:
     residuals: list[int]
 
     @property
+    def residual_names(self) -> tuple[str, ...]:
+        """Names of the residuals: the formula's, else of what was measured, for computed minus measured.
+
+        Of several that a residual falls with, as a correction and the reading, the last was measured.
+        """
+        if self.formula.outputs:
+            return self.formula.outputs
+        found = falling(self.graph, self.residuals, self.formula.measured, self.formula.name)
+        plain = "residual" if len(found) == 1 else "residual_{}"
+        return tuple(names[-1] if names else plain.format(k) for k, names in enumerate(found))
+
+    @property
     def digest(self) -> str:
         """Hash of names, residual expressions and generator version: comments and layout do not count."""
         graph, formula = self.graph, self.formula
@@ -71,6 +83,7 @@ class Derived:
         formula: The formula.
         graph: The graph of everything.
         residuals: Nodes of the residuals.
+        residual_names: Names of the residuals.
         jacobian: Nodes of the Jacobian, a row per residual.
         digest: Hash of the mathematics.
     """
@@ -78,6 +91,7 @@ class Derived:
     formula: Formula
     graph: ExpressionGraph
     residuals: list[int]
+    residual_names: tuple[str, ...]
     jacobian: Jacobian
     digest: str
 
@@ -90,16 +104,6 @@ class Derived:
     def counts(self) -> tuple[int, int]:
         """Operations of the residuals, and of residuals and Jacobian together."""
         return operations(self.graph, self.residuals), operations(self.graph, self.outputs)
-
-    @property
-    def residual_names(self) -> tuple[str, ...]:
-        """Names of the residuals: the formula's, else the measured values' if they match, else numbered."""
-        if self.formula.outputs:
-            return self.formula.outputs
-        measured, count = self.formula.measured, len(self.residuals)
-        if len(measured) == count:
-            return measured
-        return ("residual",) if count == 1 else tuple(f"residual_{k}" for k in range(count))
 
     def constant_entries(self) -> list[tuple[int, int, float]]:
         """(residual, unknown, value) of the entries of the Jacobian that never change."""
@@ -142,9 +146,11 @@ def translate(declared: Declared) -> Translated:
 
 def differentiate(translated: Translated) -> Differentiated:
     """Derives by each unknown: reverse, forward, and by elimination from either end."""
-    formula, residuals, digest = translated.formula, translated.residuals, translated.digest
+    formula, residuals, names = translated.formula, translated.residuals, translated.residual_names
     found = jacobians(translated.graph, residuals, formula.unknowns, formula.name)
-    return Differentiated([Derived(formula, graph, residuals, rows, digest) for graph, rows in found])
+    return Differentiated(
+        [Derived(formula, graph, residuals, names, rows, translated.digest) for graph, rows in found]
+    )
 
 
 def simplify(differentiated: Differentiated) -> Derived:
@@ -161,7 +167,7 @@ def simplify(differentiated: Differentiated) -> Derived:
     cheapest = iter(best)
     residuals = [next(cheapest) for _ in range(count)]
     jacobian = [[next(cheapest) for _ in row] for row in rows]
-    return Derived(derived.formula, graph, residuals, jacobian, derived.digest)
+    return Derived(derived.formula, graph, residuals, derived.residual_names, jacobian, derived.digest)
 
 
 def derive(formula: Formula) -> Derived:

@@ -61,6 +61,24 @@ def directional(
     return grown, [tangents.get(residual, zero) for residual in residuals]
 
 
+def falling(
+    graph: ExpressionGraph, residuals: list[int], observations: tuple[str, ...], formula: str
+) -> list[list[str]]:
+    """For each residual, the observations of which it falls by 1 where they grow by 1.
+
+    Args:
+        graph: The graph of the residuals.
+        residuals: Their nodes.
+        observations: Names of those that are asked about.
+        formula: Name of the formula, for messages.
+    """
+    derivatives = _Derivatives(graph.copy(), formula, [graph.input(name) for name in observations])
+    rows, value = derivatives.reverse(residuals), derivatives.graph.constant_value
+    return [
+        [name for name, node in zip(observations, row, strict=True) if value(node) == -1.0] for row in rows
+    ]
+
+
 class _Derivatives:
     """The partial derivatives of every operation that depends on an unknown, computed once."""
 

@@ -60,7 +60,7 @@ class Formula(Patterned):
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of what `residual` gives, when it is not one residual for each measured value."""
+        """Names of what `residual` gives; else each has the name of what was measured, or a number."""
         return ()
 
     @cached_property

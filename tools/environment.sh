@@ -74,7 +74,8 @@ make_environment() {
 
 install() {
     printf 'Installing the pinned packages (requirements/%s.txt)\n' "$1" >&2
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r "$root/requirements/$1.txt" &&
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --only-binary :all: --require-hashes \
+        -r "$root/requirements/$1.txt" &&
         "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e "$root" &&
         compile_ours
 }

@@ -121,7 +121,7 @@ def test_the_tutorials_own_line(tmp_path, monkeypatch) -> None:
     Path("p.txt").write_text("a header\n" + "\n".join(lines) + "\n", encoding="utf-8")
     words = ["p.txt", "NXYZ", "Std", "NumL0=3", "NumLast=6", r"PatName=P\.(.*)", "NbDigName=4"]
     assert main(["mmvii", "ImportGCP", *words]) == 0
-    assert read_control_points(TREE / "ObjCoordWorld" / "Std").names == ("2", "3", "4")
+    assert read_control_points(TREE / "ObjCoordWorld" / "Std").names == ("0002", "0003", "0004")
 
 
 def test_names_of_our_options_are_those_of_our_commands() -> None:

@@ -69,3 +69,37 @@ def test_an_adjustment_counts_what_its_search_may_spend_and_its_files(tmp_path, 
     assert [line for line in said if line.startswith("write: ")] == [
         f"write: file {k} of 3" for k in (1, 2, 3)
     ]
+
+
+def test_what_is_read_and_placed_is_counted(tmp_path, monkeypatch) -> None:
+    """Every line and every point is due where no time passes between two counts."""
+    from obseq import stopwatch
+    from obseq.reading import text
+
+    monkeypatch.setattr(stopwatch, "PERIOD", 0.0)
+    monkeypatch.setattr(text, "_STRIDE", 1)
+    said: list[str] = []
+    monkeypatch.setattr(Progress, "__call__", lambda _, message: said.append(message))
+    (tmp_path / "n.cor").write_text("1 A 0 0 0 0.001\n1 B 100 0 0 0.001\n0 C 60 80 0\n", encoding="utf-8")
+    (tmp_path / "n.obs").write_text("7 A B 0 0.001\n5 A C 40.97 0.001\n3 A C 100 0.001\n", encoding="utf-8")
+    names = tmp_path / "n.obs", tmp_path / "n.cor"
+    main(["adjust", *map(str, names), "--frame", "Local"])
+    for name, lines in zip(names, (4, 4), strict=True):
+        read = [line for line in said if line.startswith(f"read {name}: line ")]
+        assert read == [f"read {name}: line {k} of {lines}" for k in range(1, lines + 1)]
+    assert "initial values: point 3 of 3" in said
+
+
+def test_nobody_is_told_of_counts_outside_of_what_is_counted(tmp_path) -> None:
+    from obseq.reading.text import read_text
+    from obseq.stopwatch import Stopwatch
+
+    said: list[str] = []
+    path = tmp_path / "a.txt"
+    path.write_text("a\n" * 5, encoding="utf-8")
+    with Stopwatch(said.append).phase("read"):
+        assert type(read_text(path).lines) is list
+    with Stopwatch(said.append).counted("read"):
+        assert type(read_text(path).lines) is not list
+    with Stopwatch().counted("read"):
+        assert type(read_text(path).lines) is list

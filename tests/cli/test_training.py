@@ -14,6 +14,7 @@ import pytest
 from obseq import crs
 from obseq.cli.main import main
 from obseq.crs.transformer import Transformer
+from obseq.images import Poses
 from obseq.project import (
     read_block,
     read_control_points,
@@ -95,6 +96,8 @@ def _offs(folder: str, truth: dict[str, list[float]]) -> tuple[tuple[str, ...], 
 
 CHI_SQUARE = 16.3
 """Of three coordinates, at 99.9 %."""
+CHI_SQUARE_OF_TEN = 29.6
+"""Of the ten parameters of a camera, at 99.9 %."""
 
 
 def test_the_first_example(shared_data, training) -> None:
@@ -107,6 +110,106 @@ def test_the_first_example(shared_data, training) -> None:
     said = typed[5].said
     assert "Topo sigma0: 5443.87 (12 obs)" in said and "Topo sigma0: 1.76552 (12 obs)" in said
     assert (TREE / "PointsMeasure/FinalL93").resolve() == (TREE / "ObjCoordWorld/FinalL93").resolve()
+
+
+def _option_line(shared_data, pattern: str) -> list[str]:
+    """Names of options that the training lists in its text."""
+    text = (shared_data / "../reference/training.md").read_text(encoding="utf-8")
+    (names,) = re.findall(pattern, text)
+    return [name for name in names.split() if name.isidentifier()]
+
+
+IMPORTING = {
+    "NumL0": ("4", ("P.4", "P.5", "P.6")),
+    "NumLast": ("3", ("P.1", "P.2")),
+    "NbDigName": ("3", ("P.1", "P.2", "P.3", "P.4", "P.5", "P.6")),
+    "PatName": (r"P\.(.*)", ("1", "2", "3", "4", "5", "6")),
+    "ChSys": ("[L93,RTL]", None),
+    "MulCoord": ("0.001", None),
+    "Sigma": ("0.02", None),
+    "AddInfoFree": ("0", None),
+    "Comment": ("P", ()),
+    "Sep": (";", None),
+}
+
+
+def test_every_option_of_the_import(shared_data, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = [f"{k % 2} P.{k} {700000 + k} 6600000 {k}" for k in range(1, 7)]
+    Path("p.txt").write_text("* a header\n" + "\n".join(lines) + "\n* the end\n", encoding="utf-8")
+    Path("q.txt").write_text("\n".join(lines).replace(" ", ";") + "\n", encoding="utf-8")
+    names = _option_line(shared_data, r"`ImportGCP FILE FORMAT OUT`, with `([^`]*)`")
+    assert set(names) == set(IMPORTING)
+
+    def points(*options: str, file: str = "p.txt"):
+        assert main(["mmvii", "ImportGCP", file, "ANXYZ", file[0], "Comment=*", "Sigma=0.01", *options]) == 0
+        return read_control_points(TREE / "PointsMeasure" / file[0])
+
+    plain = points()
+    assert plain.names == IMPORTING["NbDigName"][1]
+    for name, (value, expected) in IMPORTING.items():
+        if expected:
+            assert points(f"{name}={value}").names == expected, name
+    assert points("ChSys=[L93,RTL]").coordinates.max() < 10.0  # at the mean of the points
+    np.testing.assert_allclose(points("MulCoord=0.001").coordinates * 1000, plain.coordinates)
+    np.testing.assert_allclose(points("AddInfoFree=0").is_free[:, 0], [False, True] * 3)
+    assert points("Sep=;", file="q.txt").names == plain.names
+
+
+def test_the_imports_line_of_the_tutorial(shared_data, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (shared_data / "../reference/training.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"The tutorial's own line: `ImportGCP (\S+) ([^`]*)`", text)
+    lines = ["header"] * 14 + [f"P.{k} {k} 0 0" for k in range(30)]
+    Path(line[0]).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert main(["mmvii", "ImportGCP", line[0], *line[1].replace('"', "").split()]) == 0
+    found = read_control_points(TREE / "PointsMeasure/Std").names
+    assert found == tuple(f"{k:04d}" for k in range(20))  # the last line is not read
+
+
+ADJUSTING = {
+    "GCPW": "2",
+    "DataDir": "Std",
+    "NbIter": "3",
+    "GCPFilter": "Pt.*",
+    "GCPFilterAdd": "1",
+    "GCPDirOut": "Out2",
+    "LVM": "1",
+}
+
+
+def test_every_option_of_the_adjustment(shared_data, training, capsys) -> None:
+    given = shared_data / "mmvii-topomini"
+    Path("inputs").mkdir()
+    Path("inputs/coords.cor").write_bytes((given / "coords.txt").read_bytes())
+    text = (given / "meas.obs").read_text(encoding="utf-8")
+    Path("inputs/meas.obs").write_text(text, encoding="utf-8")
+    training("Example 1")
+    assert set(_option_line(shared_data, r"Options of TopoAdj: `([^`]*)`")) == set(ADJUSTING)
+
+    def adjusted(*words: str) -> tuple[str, str]:
+        assert main(["mmvii", "TopoAdj", "Obs1", *words]) in (0, 1)
+        printed = capsys.readouterr()
+        return printed.out, printed.err
+
+    for name, value in ADJUSTING.items():
+        places = ["Obs1_out"] if name == "GCPDirOut" else ["InitRTL", "Obs1_out", "FinalRTL"]
+        more = ["GCPDir=InitRTL"] if name == "GCPDirOut" else []
+        said, told = adjusted(*places, *more, f"{name}={value}")
+        assert "(12 obs)" in said, name
+        assert told.startswith(f"{name} has no effect here") == (name in ("DataDir", "LVM")), told
+    assert (TREE / "PointsMeasure/Out2/MesGCP-NewGCP.xml").is_file()
+    for option in ("GCPFilter=PtA", "GCPFilterAdd=0"):  # the two known points are not both left
+        assert main(["mmvii", "TopoAdj", "Obs1", "InitRTL", "Obs1_out", "FinalRTL", option]) == 2
+        capsys.readouterr()
+    first, second = text.split("\n\n", 1)
+    Path("inputs/meas.obs").write_text(f"#BASC\n{first}\n#VERT\n{second}", encoding="utf-8")
+    assert main(["mmvii", "ImportOBS", "inputs/meas.obs", "Basc"]) == 0
+    words = ["TopoAdj", "Basc", "InitRTL", "BascOut", "BascRTL", "--json=basc.json"]
+    assert main(["mmvii", *words[:-1]]) in (0, 1)
+    capsys.readouterr()
+    assert main(["topo-adjust", "Basc", "Again", "GCPDir=InitRTL", words[-1]]) in (0, 1)
+    assert json.loads(Path("basc.json").read_text("utf-8"))["n_unknowns"] == 16
 
 
 def test_the_second_example(shared_data, training) -> None:
@@ -143,9 +246,22 @@ def test_the_fourth_example(maker, tmp_path, training) -> None:
         assert (squares < CHI_SQUARE).mean() > 0.95 and 2.0 < squares.mean() < 4.0
     last = " ".join(typed[-1].line.replace('"', "").split()[2:]).replace(" BA ", " Again ").split()
     assert main(["bundle-adjust", *last, "--json=block.json"]) == 0
-    images = json.loads(Path("block.json").read_text("utf-8"))["images"]
+    block = json.loads(Path("block.json").read_text("utf-8"))
+    images = block["images"]
     off = np.array([np.subtract(one["centre"], truth["centres"][one["name"]]) for one in images])
     squares = np.sum((off / [one["centre_sigmas"] for one in images]) ** 2, axis=1)
     assert len(images) == 16 and squares.max() < CHI_SQUARE and 0.5 < squares.mean() < 6.0
+    names = [one["name"] for one in images]
+    hidden = [[truth[part][name] for name in names] for part in ("centres", "rotations")]
+    turns = [one["opk"] for one in images] - Poses.of(names, *hidden).attitudes("opk")
+    turns = (turns + np.pi) % (2 * np.pi) - np.pi
+    squares = (turns / [one["opk_sigmas"] for one in images]) ** 2
+    assert squares.max() < CHI_SQUARE and 0.2 < squares.mean() < 3.0
+    assert len(block["cameras"]) == 2
+    for camera in block["cameras"]:
+        found, sigmas = np.array([[one["value"], one["sigma"]] for one in camera["parameters"]]).T
+        off = found - truth["cameras"][camera["name"]]
+        covariance = camera["correlations"] * np.outer(sigmas, sigmas)
+        assert (sigmas > 0.0).all() and off @ np.linalg.solve(covariance, off) < CHI_SQUARE_OF_TEN
     places = read_block(TREE / "RigBlock/RigInit/RigidBloc_TheBloc.xml").poses
     assert np.linalg.norm(places["C2"].centre) == pytest.approx(0.6, abs=0.1)

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, identity
 
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear import Linear, diagonal
+from obseq.diagnosis.linear import Linear
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Slip
 from obseq.diagnosis.verdict import Status
+from obseq.leastsquares.sparse import Sparse
 from obseq.records.diagnosis import DiagnosisRecord
 
 Array = NDArray[np.float64]
@@ -70,14 +70,14 @@ class Linearly:
         leverages = np.einsum("ij,jk,ik->i", self.matrix, inverse, self.matrix)
         linear = Linear(
             self.observed + self.matrix @ place,
-            csr_array(self.matrix),
-            csr_array(identity(N)),
-            csc_array(inverse),
-            diagonal(leverages),
+            Sparse.of_dense(self.matrix),
+            Sparse.of_diagonal(np.ones(N)),
+            Sparse.of_dense(inverse),
+            Sparse.of_diagonal(leverages),
             lambda right: inverse @ right,
             N - U,
         )
-        return linear, Columns(csc_array(columns()), np.arange(N + 1) < N)
+        return linear, Columns(Sparse.of_dense(columns()), np.arange(N + 1) < N)
 
     def adjusted(self, place: Array, changes: Sequence[Change]) -> tuple[Array, bool, int]:
         self.adjustments += 1

@@ -106,6 +106,29 @@ def called(text: str) -> list[str]:
 
 
 @of_each()
+def test_a_residual_that_is_called_like_a_measured_number_is_computed_minus_it(formula: Formula) -> None:
+    """Moving that number moves this residual by as much, the other way."""
+    calc = calculator(formula.name)
+    unknowns, observations = draw(calc, 3)
+    before = calc.values(unknowns, observations)
+    for k, name in enumerate(calc.residuals):
+        if name in formula.measured:
+            moved = observations.copy()
+            moved[:, calc.observations.index(name)] += 1e-3
+            after = calc.values(unknowns, moved)
+            np.testing.assert_allclose(
+                after[:, k] - before[:, k], -1e-3, atol=1e-8 + 1e-14 * np.abs(before).max(), err_msg=name
+            )
+
+
+def test_of_a_correction_and_a_reading_the_reading_was_measured() -> None:
+    named = {formula.name: calculator(formula.name).residuals for formula in REGISTRY}
+    assert named["TopoZen"] == named["TopoHzOff"] == named["TopoAngle"] == ("val",)
+    assert named["Dist2DCons"] == ("residual",)  # relative to the distance
+    assert sum(name in formula.measured for formula in REGISTRY for name in named[formula.name]) > 100
+
+
+@of_each()
 def test_hashes_are_current(formula: Formula, seen: Seen) -> None:
     if f"hashes/{formula.name}" in seen or "the folder" in seen:  # whose files hold them
         return

@@ -85,6 +85,24 @@ def test_points_and_observations_of_ones_own_are_in_it(mini, tmp_path) -> None:
     assert "Dist3D" in (tmp_path / "site.txt").read_text(encoding="utf-8")
 
 
+def test_what_was_measured_is_the_reading_not_its_correction() -> None:
+    """A zenith angle falls with its refraction as with its reading; a cosine over a length is no length."""
+    site = obseq.Adjustment()
+    site.add_points(["S", "T", "O"], [[0.0, 0, 0], [30, 0, 40], [9, 9, 0]], 0.001)
+    site.add_rotations(["S"], [np.eye(3)])
+    site.add_directions(["vertical"], [[0.0, 0, 1]])
+    site.hold("S", "Rotation")
+    site.hold("vertical", "Direction")
+    zenith = np.arctan2(30, 40) - 2e-5
+    site.add("TopoZen", station="S", target="T", refraction=2e-5, zenith=zenith, sigma=1e-5)
+    site.add("AxisLink", axis="vertical", origin="S", point="O", distance=12.7, sigma=1e-4)
+    record = site.solve().record()
+    (row,) = record.observations
+    assert (row.type, row.unit, row.value) == ("TopoZen", "rad", zenith)
+    assert row.adjusted == pytest.approx(zenith, abs=1e-9)
+    assert any("AxisLink" in note for note in record.notes)
+
+
 def _figure(tmp_path, wrong: str = "", images: bool = False) -> obseq.Adjustment:
     """A network of four known and two free points with one line replaced; two images of it, if asked for."""
     rng = np.random.default_rng(4)

@@ -108,17 +108,27 @@ def test_files_of_results_leave_it_empty_and_are_read_again(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "line", ["6 A P 90.23 0.001", "3 A P 279.4 0.002", "4 A P 40.0 0.002", "5 P R 1.0 0.001\n6 P R 100 0.001"]
+    "line", ["6 A P 90.23 1e-3", "3 P A 279.46 2e-3\n3 P B 327.69 2e-3", "4 A P 40.0 2e-3"]
 )
-def test_one_observation_that_sees_the_height_makes_it_an_unknown_or_leaves_the_point_out(tmp_path, line):
-    """A zenith angle, a slope distance or a height difference gives it; one to a lost point does not."""
+def test_one_observation_that_sees_the_height_makes_it_an_unknown(tmp_path, line):
+    """A zenith angle, slope distances or a height difference give it."""
     found = _network(tmp_path, *line.split("\n")).adjust()
-    row = found.points.names.index("P") if "P" in found.points.names else None
-    assert (
-        not found.points.points.is_invented[row, 2].any() if row is not None else "P" in str(found.left_out)
-    )
-    if row is not None:
-        assert np.isfinite(found.points.coordinates[row]).all()
+    row = found.points.names.index("P")
+    assert not found.points.points.is_invented[row, 2]
+    assert np.isfinite(found.points.coordinates[row]).all()
+
+
+@pytest.mark.parametrize("on_earth", [False, True], ids=["plane", "on the Earth"])
+def test_what_sees_the_height_of_a_point_to_a_lost_one_does_not_lose_its_plan(tmp_path, on_earth):
+    options = {"shift": LAMBERT, "points_crs": "EPSG:2154"} if on_earth else {}
+    plain = _network(tmp_path, **options).adjust()
+    found = _network(tmp_path, "5 P R 1.0 0.001", "6 P R 100 0.001", **options).adjust()
+    assert [item.name for item in found.left_out] == ["R"]
+    assert (found.solution.redundancy, found.sigma0) == (4, pytest.approx(plain.sigma0, rel=1e-4))
+    for name in "PQ":  # at other heights that nobody knows
+        assert _plan(found, name) == pytest.approx(_plan(plain, name), abs=1e-3)
+    row = found.points.names.index("P")
+    assert np.isnan(found.points.coordinates[row, 2])
 
 
 def test_a_slope_distance_between_two_points_without_height_is_told(tmp_path):

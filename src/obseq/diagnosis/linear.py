@@ -8,18 +8,17 @@ it large, where the place is near the solution without the error: A and v0 are t
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.clusters import whitening_of
+from obseq.leastsquares.sparse import Sparse, on_diagonal, stacked, symmetric
 from obseq.leastsquares.statistics.final_state import final_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from scipy.sparse import csc_array, csr_array
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
@@ -46,10 +45,10 @@ class Linear:
     """
 
     residuals: FloatArray
-    rows: csr_array | FloatArray
-    whitening: csr_array | FloatArray
-    cofactors: csc_array | FloatArray
-    taken: csr_array | FloatArray
+    rows: Sparse | FloatArray
+    whitening: Sparse | FloatArray
+    cofactors: Sparse | FloatArray
+    taken: Sparse | FloatArray
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
 
@@ -89,16 +88,14 @@ def linearised(
     state = final_state(system, result)
     if dense:
         return _densely(state, result, batches)
-    from scipy.sparse import block_diag, csr_array, vstack
-
     roots = [whitening_of(batch) for batch in batches]
     raw = [np.where(batch.active[:, None], np.nan_to_num(result.residuals(batch)), 0.0) for batch in batches]
     return Linear(
         np.concatenate([root @ one.ravel() for root, one in zip(roots, raw, strict=True)]),
-        csr_array(vstack([state.cluster_rows(batch) for batch in batches], format="csr")),
-        csr_array(block_diag(roots, format="csr")),
-        state.equations.pattern.matrix(state.cofactors.values),
-        csr_array(block_diag([taken_of(state, batch) for batch in batches], format="csr")),
+        stacked([state.cluster_rows(batch) for batch in batches]),
+        on_diagonal(roots),
+        symmetric(state.equations.pattern, state.cofactors.values),
+        on_diagonal([taken_of(state, batch) for batch in batches]),
         state.solve,
         result.redundancy,
     )
@@ -108,24 +105,23 @@ def with_priors(
     linear: Linear, system: LeastSquares, result: LeastSquaresResult, priors: Sequence[Prior]
 ) -> Linear:
     """The same with the equations of observed unknowns after those of the batches."""
-    from scipy.sparse import block_diag, coo_array, csr_array, vstack
-
     if not priors:
         return linear
     state = final_state(system, result)
     weights = np.concatenate([prior.weights for prior in priors])
     columns = state.equations.free.number[np.concatenate([prior.scalars for prior in priors])]
     free = np.flatnonzero(columns >= 0)
-    entries = weights[free], (free, columns[free])
     off = np.concatenate([result.prior_residuals(prior) for prior in priors])
-    own = [diagonal(state.prior_leverages(prior)) for prior in priors]
-    rows = coo_array(entries, shape=(len(weights), linear.rows.shape[1]))
+    own = [Sparse.of_diagonal(state.prior_leverages(prior)) for prior in priors]
+    shape = len(weights), linear.rows.shape[1]
+    rows = Sparse.of_entries(weights[free], free, columns[free], shape)
+    before, whitening, taken = (cast("Sparse", m) for m in (linear.rows, linear.whitening, linear.taken))
     return replace(
         linear,
         residuals=np.append(linear.residuals, weights * off),
-        rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
-        whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
-        taken=csr_array(block_diag([linear.taken, *own], format="csr")),
+        rows=stacked([before, rows]),
+        whitening=on_diagonal([whitening, Sparse.of_diagonal(weights)]),
+        taken=on_diagonal([taken, *own]),
     )
 
 
@@ -153,33 +149,19 @@ def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Ba
 
 def _of_nothing(result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
     """Equations without any unknown: residuals alone."""
-    from scipy.sparse import block_diag, csc_array, csr_array
-
     roots = [whitening_of(batch) for batch in batches]
     raw = [np.nan_to_num(result.residuals(batch)).ravel() for batch in batches]
     residuals = [root @ one for root, one in zip(roots, raw, strict=True)]
     values = np.concatenate([np.zeros(0), *residuals])
-    whitening = csr_array(block_diag(roots, format="csr")) if roots else csr_array((0, 0))
-    none, nothing = csr_array((len(values), 0)), diagonal(np.zeros(len(values)))
-    return Linear(values, none, whitening, csc_array((0, 0)), nothing, np.asarray, result.redundancy)
+    none, nothing = Sparse.of_dense(np.zeros((len(values), 0))), Sparse.of_diagonal(np.zeros(len(values)))
+    return Linear(values, none, on_diagonal(roots), on_diagonal([]), nothing, np.asarray, result.redundancy)
 
 
-def taken_of(state: FinalState, batch: Batch) -> csr_array:
+def taken_of(state: FinalState, batch: Batch) -> Sparse:
     """(n m, n m) what the unknowns take of the observations of a batch: blocks (m, m) of A Q A'.
 
     Of observations that are correlated with others only the diagonal.
     """
-    from scipy.sparse import bsr_array, csr_array
-
     if batch.clusters is not None:
-        return diagonal(state.leverages(batch).ravel())
-    each = np.arange(batch.n + 1)
-    return csr_array(bsr_array((state.leverages(batch, crossed=True), each[:-1], each)))
-
-
-def diagonal(values: FloatArray) -> csr_array:
-    """(n, n) a sparse matrix of a diagonal (n,)."""
-    from scipy.sparse import csr_array
-
-    each = np.arange(len(values) + 1)
-    return csr_array((values, each[:-1], each), shape=(len(values), len(values)))
+        return Sparse.of_diagonal(state.leverages(batch).ravel())
+    return Sparse.of_blocks(state.leverages(batch, crossed=True))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
+from obseq.kernels.loading import load
 from obseq.leastsquares.problem.shapes import formula_shape
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -31,6 +32,22 @@ KNOWN_AS = {
     "Scalar": (("Scalar", "{}"), ("Vector", "{}")),
 }
 """What a name may stand for where a formula wants a kind: kinds of unknowns, and how these are called."""
+
+
+class Column(NamedTuple):
+    """A residual of a formula, and what was measured for it.
+
+    Attributes:
+        type: name of the formula; with that of the residual where it has several.
+        residual: its number.
+        values: (n,) what was measured; empty where the residual is that of nothing measured.
+        unit: of it; empty where there is none.
+    """
+
+    type: str
+    residual: int
+    values: FloatArray
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +78,17 @@ class NamedEquation:
         """Kind and name of all its parts."""
         kinds = {role.name: role.kind for role in formula_shape(self.formula).roles}
         return {(kinds[role], name) for role, names in self.parts.items() for name in names}
+
+    @property
+    def columns(self) -> Iterator[Column]:
+        """Its residuals. One that is called like a measured number is computed minus that number."""
+        kernel = load(self.formula) if isinstance(self.formula, str) else self.formula
+        units = {one.start + k: one.unit for one in kernel.inputs for k in range(one.size)}
+        measured = {kernel.observations[place]: (k, units[place]) for k, place in enumerate(kernel.measured)}
+        for k, name in enumerate(kernel.residuals):
+            kind = kernel.name if len(kernel.residuals) == 1 else f"{kernel.name} {name}"
+            own, unit = measured.get(name, (-1, ""))
+            yield Column(kind, k, self.observations[:, own] if own >= 0 else np.empty(0), unit)
 
     def rows(self, chosen: Sequence[int]) -> NamedEquation:
         """Some of its observations."""
@@ -103,8 +131,6 @@ def named_equation(
     Raises:
         InputError: an argument is missing, unknown, or does not fit.
     """
-    from obseq.kernels.loading import load
-
     shape = formula_shape(formula)
     kernel = load(formula) if isinstance(formula, str) else formula
     given = dict(named)

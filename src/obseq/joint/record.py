@@ -8,7 +8,6 @@ import numpy as np
 from msgspec import structs
 
 from obseq import crs
-from obseq.joint.measured import Column, columns_of
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.records.adjustment import (
     AdjustmentRecord,
@@ -43,7 +42,7 @@ from obseq.survey.equations.frame import Frame
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.joint.named import NamedEquation
+    from obseq.joint.named import Column, NamedEquation
     from obseq.joint.solution import Solved
     from obseq.leastsquares import Batch, LeastSquaresResult, Reliability
     from obseq.leastsquares.problem.priors import Prior
@@ -191,7 +190,7 @@ def _known(solution: Solved, tests: Reliability | None) -> Iterator[ConstraintRe
 def _observations(solution: Solved, tests: Reliability | None) -> Listed:
     found = Listed([], [], [])
     for equation, batch in solution.equations:
-        for column in columns_of(solution.system, batch, equation.formula):
+        for column in equation.columns:
             if column.unit not in ("m", "rad"):
                 if column.type not in found.not_listed:
                     found.not_listed.append(column.type)

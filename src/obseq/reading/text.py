@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import composed, printable
+from obseq.stopwatch import Tally
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
 _MARKS_OF_UTF16 = b"\xff\xfe", b"\xfe\xff"
 _LONGEST_QUOTE = 160
+_STRIDE = 1000
+"""Lines that are read between two looks at the clock."""
 LEAST_SIGMA = 1e-12
 """Sigmas below it (m, gon) would make weights infinite."""
 LONGEST_NAME = 200
@@ -79,6 +82,20 @@ class TextFile:
             )
 
 
+class _CountedLines(list[str]):
+    """Lines that tell how far they have been read."""
+
+    def __init__(self, lines: list[str], tally: Tally) -> None:
+        super().__init__(lines)
+        self._tally = tally
+
+    def __iter__(self) -> Iterator[str]:
+        for k, line in enumerate(super().__iter__()):
+            if k % _STRIDE == 0 and self._tally.is_due:
+                self._tally.tell(k + 1)
+            yield line
+
+
 def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     """Reads a text file; line ends may be LF, CRLF or CR, a mark of UTF-8 is dropped, one of UTF-16 obeyed.
 
@@ -99,6 +116,8 @@ def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     if not text.strip():
         raise InputError(f"{path}: the file is empty")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    tally = Tally(f"read {path}: line", len(lines))
+    lines = _CountedLines(lines, tally) if tally.is_heard else lines
     return TextFile(str(path), lines, not _has_surrogates(text), encoding.upper().removesuffix("-SIG"))
 
 

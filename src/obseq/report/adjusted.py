@@ -10,7 +10,7 @@ from obseq.printable import listed
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.basis import basis, kinds
 from obseq.report.content import TABLES, numbers_of, tables
-from obseq.report.findings import POOR, findings, sight, spreads, weakest
+from obseq.report.findings import NOT_JUDGED, POOR, findings, sight, spreads, weakest
 from obseq.report.head import (
     WORDS,
     Card,
@@ -27,6 +27,7 @@ from obseq.report.head import (
     strip,
 )
 from obseq.report.named import ellipse_level
+from obseq.report.part import part_of
 from obseq.report.said import name, small
 from obseq.report.spared import spared
 from obseq.report.summary import Outcome
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
     from obseq.records.adjustment import PointRecord
     from obseq.records.quality import StatisticsRecord
+    from obseq.report.columns import Table
     from obseq.report.head import Level
 
 MOST_NAMES = 8
@@ -49,7 +51,11 @@ def outcome(record: AdjustmentRecord) -> Outcome:
     record = spared(record)
     rows = numbers_of(record)
     made = partial(tables, record, rows)
-    return Outcome(head(record, rows), list(rows), units_of(record), tuple(TABLES), made)
+
+    def some() -> list[Table]:
+        return tables(part_of(record)[0], rows, TABLES.keys() - {"points"})
+
+    return Outcome(head(record, rows), list(rows), units_of(record), tuple(TABLES), made, some)
 
 
 def head(record: AdjustmentRecord, rows: Mapping[str, int]) -> Head:
@@ -113,7 +119,8 @@ def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
                 else f"{count} errors are suspected. Check them"
             )
         return "bad", f"Not usable yet: {what}, then adjust again."
-    if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
+    status = "" if diagnosis is None else diagnosis.status
+    if status == "unexplained" or (status == "undecided" and not record.failures):
         return "bad", "Not usable yet: something is wrong, and no single cause explains it."
     for level, text in _restricted(record):
         return level, text
@@ -134,7 +141,7 @@ def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
 def _restricted(record: AdjustmentRecord) -> Iterator[tuple[Level, str]]:
     """What is not as it was given: the reasons of exit code 1 that are no errors."""
     if record.failures:
-        yield "warn", "Adjusted, but not everything could be judged: see the warnings."
+        yield "warn", NOT_JUDGED
     if record.left_out:
         what = counted(len(record.left_out), "point or station is", "points and stations are")
         yield "warn", f"Usable, but {what} not determined and left out."

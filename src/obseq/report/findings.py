@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from heapq import nlargest
 from typing import TYPE_CHECKING
+
+from msgspec import structs
 
 from obseq.printable import listed
 from obseq.report.head import Finding, Findings, Place, counted
@@ -13,15 +16,20 @@ from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
+    from obseq.records.diagnosis import DiagnosisRecord
     from obseq.records.rows import Rows
+    from obseq.report.head import Level
 
 POOR = 0.1
 """Redundancy below which an observation is hardly checked: most of an error goes into the result."""
 MOST_BEYOND = 3
 MOST_NAMES = 8
+NOT_JUDGED = "Adjusted, but not everything could be judged."
+"""The verdict where what should explain a result has failed."""
+BOOK = "see the field book"
 
 
 def sight(row: ObservationRecord) -> str:
@@ -50,55 +58,87 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
     """Suspected errors, and what is worth knowing."""
     accused = tuple(_accused(record, item) for item in record.gross_errors)
     others = (
-        *_undecided(record),
+        *searched(record.diagnosis, record.failures),
         *_sigma0(record),
         *_types(record),
         *_snooped(record),
         *_lost(record),
         *_vectors(record),
         *_beyond(record),
-        *_remarks(record),
         *_weak(record),
         *_worst(record, rows),
         *_replaced(record),
         *_said(record),
     )
     title = "Worth knowing" if accused else "Look at first"
-    return tuple(
-        part for part in (Findings("Suspected errors", accused), Findings(title, others)) if part.items
+    lists = (Findings("Suspected errors", accused), Findings(title, others))
+    files = record.files or tuple(record.observations.distinct("file"))
+    return tuple(_shortened(part, short_names(files)) for part in lists if part.items)
+
+
+def _shortened(part: Findings, short: Mapping[str, str]) -> Findings:
+    """Findings in which files have the names of the tables, without their folders."""
+    longest = sorted((file for file in short if short[file] != file), key=len, reverse=True)
+
+    def told(text: str) -> str:
+        for file in longest:
+            text = text.replace(name(file), name(short[file]))
+        return text
+
+    items = (
+        structs.replace(item, title=told(item.title), text=told(item.text), where=told(item.where))
+        for item in part.items
     )
+    return Findings(part.title, tuple(items))
+
+
+def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, to: Place | None) -> Finding:
+    """An error: what it is called, how large it is, where it was read, where to look, and where it is."""
+    text = item.text.removeprefix(item.what).lstrip(": ").removeprefix("is ")
+    text = text[:1].upper() + text[1:]
+    if item.others:
+        others = listed([other.what for other in item.others], MOST_NAMES)
+        text = f"{text.rstrip('.')}. Not told apart from: {others}."
+    step = f"{look}, correct it, adjust again. What this means:"
+    return Finding("bad", what, name(text), size, where, step, f"obseq causes {item.code}", to)
+
+
+def searched(found: DiagnosisRecord | None, failures: Sequence[str]) -> Iterator[Finding]:
+    """What could not be judged, what the search for errors says of itself, and effects that are no errors."""
+    for text in failures:
+        yield Finding("warn", "Not judged", name(text))
+    if found is None:
+        return
+    if found.status == "undecided" or found.reason:
+        is_wrong = found.status == "unexplained" or (found.status == "undecided" and not failures)
+        level: Level = "bad" if is_wrong else "info"
+        yield Finding(level, f"Search for errors: {found.status}", name(found.reason))
+    for item in found.remarks:
+        text = item.text.removeprefix(item.what).lstrip(": ")
+        yield Finding("info", name(item.what), name(f"{text}. No error: it is not beyond a sigma of each."))
 
 
 def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     rows = [place.row for place in item.observations]
-    one = record.observations[rows[0]] if len(rows) == 1 else None
-    files = short_names(record.observations.distinct("file"))
+    to = Place("observations", row=rows[0]) if rows else None
     sigma = item.sigma[0] if item.sigma else 0.0
     off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
-    text = item.text[:1].upper() + item.text[1:]
-    if item.others:
-        others = listed([other.what for other in item.others], MOST_NAMES)
-        text = f"{text.rstrip('.')}. Not told apart from: {others}."
-    return Finding(
-        "bad",
-        sight(one) if one else name(item.what),
-        name(text),
-        f"off by {off:.{0 if off >= 10 else 1}f} \u03c3",
-        f"{name(files[one.file])}:{one.line}" if one else "",
-        "see the field book, correct it, adjust again. What this means:",
-        f"obseq causes {item.code}",
-        Place("observations", row=rows[0]) if rows else None,
-    )
+    size = f"off by {off:.{0 if off >= 10 else 1}f} \u03c3"
+    if len(rows) != 1:
+        return suspected(item, name(item.what), size, "", BOOK, to)
+    one = record.observations[rows[0]]
+    found = suspected(item, sight(one), size, f"{name(one.file)}:{one.line}", BOOK, to)
+    return structs.replace(found, text=f"{_both_values(item, one)}{found.text}")
 
 
-def _undecided(record: AdjustmentRecord) -> Iterator[Finding]:
-    found = record.diagnosis
-    if found is not None and (found.status == "undecided" or found.reason):
-        yield Finding(
-            "bad" if found.status in ("undecided", "unexplained") else "info",
-            f"Search for errors: {found.status}",
-            name(found.reason),
-        )
+def _both_values(item: AccusedRecord, one: ObservationRecord) -> str:
+    """What was observed, and what the others give for it; nothing where the error has another unit."""
+    unit = unit_of(one)
+    if len(item.size) != 1 or item.unit != unit:
+        return ""
+    right = one.value - item.size[0]
+    right = right % math.tau if unit == "rad" and one.value >= 0.0 else right
+    return f"Observed {observed(one.value, unit)}; the others give {observed(right, unit)}. "
 
 
 def _sigma0(record: AdjustmentRecord) -> Iterator[Finding]:
@@ -139,22 +179,13 @@ def _vectors(record: AdjustmentRecord) -> Iterator[Finding]:
     """The vectors and positions whose test as a whole fails, the worst first."""
     beyond = [item for item in record.joint if item.is_beyond]
     beyond.sort(key=lambda item: -item.statistic / item.critical)
-    files = short_names(item.file for item in beyond)
     for item in () if record.gross_errors else beyond[:MOST_BEYOND]:
         limit = f"limit {item.critical:.2f} with {item.degrees} degrees of freedom"
         share = f"{len(beyond)} of {len(record.joint)} are"
         text = f"As a whole it is off, {limit}; {share}."
-        where = f"{name(files[item.file])}:{item.line}" if item.file else ""
+        where = f"{name(item.file)}:{item.line}" if item.file else ""
         to = Place("observations", row=item.rows[0]) if item.rows else None
         yield Finding("warn", name(item.what), text, f"T {item.statistic:.1f}", where, to=to)
-
-
-def _remarks(record: AdjustmentRecord) -> Iterator[Finding]:
-    """Effects that many observations show together, which are no errors."""
-    for item in () if record.diagnosis is None else record.diagnosis.remarks:
-        yield Finding(
-            "info", name(item.what), name(f"{item.text}. No error: it is not beyond a sigma of each.")
-        )
 
 
 def _types(record: AdjustmentRecord) -> Iterator[Finding]:
@@ -199,7 +230,6 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
     level = record.reliability
     if level is None or record.gross_errors:
         return
-    files = short_names(record.observations.distinct("file"))
     parts = {row for item in record.joint for row in item.rows}  # tested as a whole
     tests = record.observations.numbers("standardised_residual").tolist()
     found = ((abs(value), k) for k, value in enumerate(tests) if value == value and k not in parts)
@@ -213,7 +243,7 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
                 sight(row),
                 text,
                 f"w {row.standardised_residual:.2f}",
-                f"{name(files[row.file])}:{row.line}",
+                f"{name(row.file)}:{row.line}",
                 to=Place("observations", row=k),
             )
 
@@ -278,6 +308,7 @@ def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _said(record: AdjustmentRecord) -> Iterator[Finding]:
     for text in record.warnings:
-        yield Finding("warn", "Warning", name(text))
+        if text not in record.failures:
+            yield Finding("warn", "Warning", name(text))
     for text in record.notes:
         yield Finding("info", "Note", name(text))

@@ -49,7 +49,9 @@ def outcome(record: PlanRecord) -> Outcome:
     def made(names: Collection[str]) -> list[Table]:
         return [*plan_tables(record, rows, names), *base.tables(names or TABLES)]
 
-    return replace(base, head=_head(record, base.head), known=(*PLAN_TABLES, *base.known), tables=made)
+    return replace(
+        base, head=_head(record, base.head), known=(*PLAN_TABLES, *base.known), tables=made, worst=None
+    )
 
 
 def plan_page(record: PlanRecord) -> str:

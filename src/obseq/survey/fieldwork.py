@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from obseq import crs
 from obseq.boundary import Boundary
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
@@ -31,13 +32,12 @@ from obseq.survey.diagnosing.snooping import Snooped, snooped, snooping_record
 from obseq.survey.equations.plumb import Plumb
 from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.initial_values import InitialValues, values_by
-from obseq.survey.initial.left_out import Determined, leave_out
+from obseq.survey.initial.left_out import Determined, in_plan, leave_out
 from obseq.survey.initial.rivals import Choice
 from obseq.survey.model import join
 from obseq.survey.sights.graph_building import Graphs
 
 if TYPE_CHECKING:
-    from obseq import crs
     from obseq.diagnosis.policy import Policy
     from obseq.leastsquares import Blocks, LeastSquaresResult
     from obseq.report.units import Units
@@ -78,6 +78,11 @@ class Fieldwork:
     def point_system(self) -> PointSystem:
         """The coordinates of points in the system of their files."""
         return PointSystem(self.frame.system, self.points_crs)
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether heights are apart from plans, in the frame and in the system of the points."""
+        return self.frame.has_vertical and self.points_crs.kind is not crs.Kind.GEOCENTRIC
 
     @cached_property
     def _graphs(self) -> Graphs:
@@ -220,10 +225,10 @@ class Fieldwork:
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
-        from obseq.survey.causes.mirrored import mirror_warning
-        from obseq.survey.causes.odd_sigmas import odd_sigmas
+        from obseq.survey.diagnosing.mirrored import mirror_warning
+        from obseq.survey.diagnosing.odd_sigmas import odd_sigmas
 
-        with computation.watch.phase("initial values"):
+        with computation.watch.phase("initial values"), computation.watch.counted("initial values"):
             self._check_datum()
             given = Determined(self.points, self.book, start or self.initial_values())
             if strict:
@@ -234,7 +239,7 @@ class Fieldwork:
             mirrored = boundary.attempt(
                 "the test of the sense of axes", lambda: mirror_warning(self.points, initial), ()
             )
-            given = leave_out(given, given.initial.unplaced)
+            given = self._placed(given)
         with computation.watch.phase("equations"):
             equations = equations_of(self.frame, self.point_system, given, computation.blocks)
         check_scales(given, equations, self._equations, computation.whole)
@@ -253,6 +258,11 @@ class Fieldwork:
         odd = boundary.attempt("the test of sigmas", lambda: odd_sigmas(adjustment, self.units), ())
         adjustment = replace(adjustment, notes=(*adjustment.notes, *odd), diagnosis=diagnosis)
         return adjustment.announcing(replaced).warned(*mirrored).failing(boundary.failures)
+
+    def _placed(self, given: Determined) -> Determined:
+        """The network without what initial values have not placed, not even in plan."""
+        kept = in_plan(given) if self.has_heights else given
+        return leave_out(kept, kept.initial.unplaced)
 
     def _computed_somehow(
         self,
@@ -298,8 +308,7 @@ class Fieldwork:
         """What is wrong with a network, judged by a policy."""
 
         def begun(points: Points, book: FieldBook) -> Determined:
-            start = Determined(points, book, self._computed(points, book, Choice()))
-            return leave_out(start, start.initial.unplaced)
+            return self._placed(Determined(points, book, self._computed(points, book, Choice())))
 
         return record_of(model, self.units, begun, policy, told)
 

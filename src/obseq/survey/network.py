@@ -18,12 +18,12 @@ from obseq.arguments import (
     TRUTH,
     WHOLE,
     WORDS,
+    Expected,
     expecting,
     instance,
 )
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, noting
-from obseq.leastsquares import Blocks
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
     from pathlib import Path
 
+    from obseq.leastsquares import Blocks
     from obseq.records.diagnosis import AccusedRecord
     from obseq.records.shown_units import ShownUnits
     from obseq.stopwatch import Progress
@@ -290,9 +291,8 @@ class Network(Edited):
     @property
     def fieldwork(self) -> Fieldwork:
         """What an adjustment works on."""
-        has_heights = self.frame.has_vertical and self.points_crs.kind is not crs.Kind.GEOCENTRIC
-        points = with_plans_only(self.points, self.book) if has_heights else self.points
-        return Fieldwork(points, self.book, self.frame, self.points_crs, self.shown, self.written)
+        work = Fieldwork(self.points, self.book, self.frame, self.points_crs, self.shown, self.written)
+        return replace(work, points=with_plans_only(self.points, self.book)) if work.has_heights else work
 
     def given_points(self) -> Points:
         """The points with coordinates in the system of their files; those that it adds have none."""
@@ -326,7 +326,7 @@ class Network(Edited):
         datum=instance(Datum) | TEXT | NOTHING,
         strategy=TEXT,
         loss=TEXT | NOTHING,
-        blocks=instance(Blocks) | NOTHING,
+        blocks=Expected("Blocks", lambda value: type(value).__name__ == "Blocks") | NOTHING,
     )
     def adjust(
         self,

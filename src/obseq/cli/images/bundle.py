@@ -166,14 +166,14 @@ def _adjusted(arguments: argparse.Namespace) -> int:
     second = _second(outputs).values() if arguments.without_accused else ()
     others = [path for writer, place in _asked(arguments) for path in writer.places(place)]
     check_writable([*outputs.values(), *second, *others], inputs(arguments))
-    detail = detail_of(arguments)
+    detail = detail_of(arguments, "block")
     with Progress("loading") as progress:
         watch = Stopwatch(progress)
         with watch.phase("load"):
             from obseq.images.causes.refusals import explained
             from obseq.images.output.overview import overview
 
-        with watch.phase("read"):
+        with watch.phase("read"), watch.counted("read"):
             block, datum = read_block(arguments)
         given, options = block.poses, _options(datum, arguments)
         if not block.check_points and not arguments.checks:
@@ -255,7 +255,7 @@ def _without_accused(
         print(printable(f"--without-accused: no second adjustment: {error}"), file=sys.stderr)
         return 0 if first.is_complete else INCOMPLETE
     print()
-    _show(record, written, detail_of(arguments), watch)
+    _show(record, written, detail_of(arguments, "block"), watch)
     return INCOMPLETE
 
 
@@ -319,7 +319,7 @@ def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> Opt
 
 
 def _solve(block: BundleAdjustment, options: Options, watch: Stopwatch) -> BundleSolution:
-    with watch.phase("initial values"):
+    with watch.phase("initial values"), watch.counted("initial values"):
         block.initialise()
     with watch.phase("adjust"):
         return block.solve(progress=lambda step: watch.progress(str(step)), **options)

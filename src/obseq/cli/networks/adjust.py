@@ -231,8 +231,8 @@ def _network(request: Request, watch: Stopwatch) -> "Network":
     """The network of the files."""
     with watch.phase("load"):
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
-    watch.progress("read")
-    network = shown_in(request.source.read(request.places), request.units)
+    with watch.counted("read"):
+        network = shown_in(request.source.read(request.places), request.units)
     if request.estimated:
         from obseq.survey import estimating
 

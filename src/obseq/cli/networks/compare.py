@@ -71,7 +71,7 @@ def register(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare what the command line names."""
-    first, detail = source_of(arguments), detail_of(arguments)
+    first, detail = source_of(arguments), detail_of(arguments, "comparison")
     second = _second(arguments, first)
     places = [arguments.out / name for name in NAMES] if arguments.out else []
     check_writable(places, [*first.files, *second.files])
@@ -130,12 +130,12 @@ def _compared(
     from obseq.survey import Datum, compare
     from obseq.survey.adjustment.datum import DatumKind
 
-    with watch.phase("read"):
+    with watch.phase("read"), watch.counted("read"):
         before = shown_in(first.read(), arguments.units)
     reading = second.reading | {"frame": before.frame.system.definition}
     if not second.project:
         reading["points_crs"] = before.points_crs.definition
-    with watch.phase("read"):
+    with watch.phase("read"), watch.counted("read"):
         after = shown_in(replace(second, reading=reading).read(), arguments.units)
     # coordinates of reference points that have moved would bend the network
     datum = Datum(DatumKind.INNER, tuple(arguments.reference)) if arguments.reference else None

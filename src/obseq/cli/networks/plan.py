@@ -102,7 +102,7 @@ def _add_seed(group: argparse._ArgumentGroup) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan what the command line names."""
-    source, out, detail = source_of(arguments), arguments.out, detail_of(arguments)
+    source, out, detail = source_of(arguments), arguments.out, detail_of(arguments, "plan")
     names = "plan.json", "plan.txt", "plan.html"
     places = [out / name for name in names] if out else []
     check_writable(places, source.files)
@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
         with watch.phase("load"):
             from obseq.report.planned import outcome
             from obseq.survey import plan  # noqa: F401  # its time is not that of reading
-        with watch.phase("read"):
+        with watch.phase("read"), watch.counted("read"):
             network = shown_in(source.read(places), arguments.units)
         with watch.phase("plan"):
             record = _planned(arguments, network, progress)
@@ -173,8 +173,8 @@ def run_simulate(arguments: argparse.Namespace) -> int:
         from obseq.formats.point_files import csv_text
         from obseq.survey import simulate
 
-        progress("read")
-        network = source.read(places)
+        with Stopwatch(progress).counted("read"):
+            network = source.read(places)
         if network.book.clusters or network.book.has_shared_unknowns:
             raise InputError(
                 "simulate: OBS files hold no correlated observations, nor groups with unknowns of their own"

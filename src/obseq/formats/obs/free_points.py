@@ -198,8 +198,7 @@ def _read_line(
 
 
 def _renamed(name: str, options: PointFileOptions) -> str:
-    if options.name_digits is not None and re.fullmatch(r"[0-9]{1,18}", name):
-        name = f"{int(name):0{max(options.name_digits, 1)}d}"
+    """The name as the pattern makes it; then a whole number gets its digits."""
     if options.name_pattern is not None:
         pattern, substitution = options.name_pattern
         template = re.sub(r"\$(\d+|&)", lambda m: rf"\g<{0 if m[1] == '&' else m[1]}>", substitution)
@@ -207,6 +206,8 @@ def _renamed(name: str, options: PointFileOptions) -> str:
             name = "".join(match.expand(template) for match in re.finditer(pattern, name))
         except (re.error, IndexError) as error:
             raise InputError(f"substitution {substitution!r} of names: {error}") from error
+    if options.name_digits is not None and re.fullmatch(r"[0-9]{1,18}", name):
+        name = f"{int(name):0{max(options.name_digits, 1)}d}"
     return name
 
 

@@ -22,6 +22,7 @@ from obseq.images.initial.relative import RelativeOrientation, relative_orientat
 from obseq.images.initial.resection import LEAST_POINTS, ResectionOptions, resect
 from obseq.images.names import are_among, index_of
 from obseq.images.poses import Poses
+from obseq.stopwatch import Tally
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -96,12 +97,15 @@ class Growth:
         part = self.measures.of_points(known.names)
         counts = dict(zip(part.image_names, np.bincount(part.image), strict=True)) if len(part) else {}
         waiting = [image for image in self.waiting() if counts.get(image, 0) >= least]
+        tally = Tally("initial values: image", len(self.cameras))
         for image in sorted(waiting, key=lambda image: -counts[image]):
             try:
                 found = resect(part.of_image(image), known, self.cameras[image], options)
                 self.poses[image] = found.poses[image]
             except InputError as error:
                 self.reasons[image] = str(error)
+            if tally.is_due:
+                tally.tell(len(self.poses))
         return sum(image in self.poses for image in waiting)
 
     def grow(self, control: ControlPoints, factor: float = 1.0) -> None:

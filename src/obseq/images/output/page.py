@@ -10,8 +10,10 @@ import numpy as np
 from obseq.images.output.arrays import arrays_of, suspected_measures
 from obseq.images.output.page_charts import cameras, frames
 from obseq.images.output.page_findings import findings
+from obseq.images.output.page_instruments import INSTRUMENTS
 from obseq.images.output.page_plan import plan
 from obseq.images.output.page_tables import TABLES, names_of, tables
+from obseq.report.findings import NOT_JUDGED
 from obseq.report.head import (
     WORDS,
     Card,
@@ -114,6 +116,8 @@ def _judged(record: BundleRecord) -> tuple[Level, str]:
         )
     if record.weak:
         return "warn", f"Adjusted without precisions: {name(record.weak)}."
+    if record.failures:
+        return "warn", NOT_JUDGED
     if not record.is_complete:
         return "warn", "Usable, but not all of it took part: see the findings."
     if test is not None and not test.passed:
@@ -230,8 +234,12 @@ def _tests(record: BundleRecord, limit: float) -> Iterator[Card]:
 
 def _sections(record: BundleRecord, block: BlockArrays) -> Iterator[Section]:
     marked = suspected_measures(record)
-    yield Section("frames", "Image residuals", tuple(frames(record, block, marked)))
+    drawn, whole = tuple(frames(record, block, marked)), len(record.images)
+    some = f"The {len(drawn)} of {whole} images with the largest residuals; the table of images has all."
+    yield Section("frames", "Image residuals", drawn, note=some if len(drawn) < whole else "")
     yield Section("calibration", "Calibration", tuple(cameras(record, block, marked)), tables=("parameters",))
+    if any((record.rigid_blocks, record.clinometers, record.antennas, record.shutters)):
+        yield Section("instruments", "Instruments", tables=INSTRUMENTS)
     charts = []
     if record.reliability is not None:
         charts = [{"kind": kind, "table": "measures", "column": "w"} for kind in ("histogram", "normal")]

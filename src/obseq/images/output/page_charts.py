@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.output.arrays import frame_of, interior
+from obseq.images.output.arrays import frame_of, grid_of, interior
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,6 +53,7 @@ def cameras(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iter
             yield {
                 "kind": "matrix",
                 "title": f"Correlations of {camera.name}",
+                "note": "per cent; blue positive, orange negative",
                 "names": names,
                 "values": values,
             }
@@ -61,7 +62,7 @@ def cameras(record: BundleRecord, block: BlockArrays, marked: BoolArray) -> Iter
                 "kind": "grid", "title": f"{camera.name} without distortion",
                 "width": camera.width, "height": camera.height,
                 "x": _short(camera.undistorted_x), "y": _short(camera.undistorted_y),
-                "note": "the image (grey) and where its points would be",
+                "note": f"the image (grey) and where its points would be, up to {_shift(camera):.3g} px away",
             }  # fmt: skip
 
 
@@ -96,6 +97,13 @@ def _coverage(camera: CameraRecord, block: BlockArrays, rows: IntArray) -> Plain
         "note": f"{whole - empty} of {whole} parts of the frame have image points, at most {parts.max()}",
         "width": float(size[0]), "height": float(size[1]), "counts": parts.tolist(),
     }  # fmt: skip
+
+
+def _shift(camera: CameraRecord) -> float:
+    """How far the distortion moves a point of the grid, pixels."""
+    places = np.array([camera.undistorted_x, camera.undistorted_y], np.float64).T  # None is NaN
+    given = grid_of((camera.width, camera.height), interior(camera)[0])
+    return float(np.nanmax(np.linalg.norm(places - given, axis=1)))
 
 
 def _short(values: tuple[float | None, ...]) -> list[float | None]:

@@ -9,6 +9,7 @@ import numpy as np
 from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
 from obseq.printable import listed
+from obseq.report.findings import searched, suspected
 from obseq.report.head import Finding, Findings, Place, counted
 from obseq.report.said import name, small
 
@@ -39,41 +40,19 @@ def findings(record: BundleRecord) -> tuple[Findings, ...]:
 
 
 def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:
-    text = item.text.removeprefix(item.what).lstrip(": ")
-    text = text[:1].upper() + text[1:]
-    if item.others:
-        others = listed([other.what for other in item.others], MOST_NAMES)
-        text = f"{text.rstrip('.')}. Not told apart from: {others}."
     off = f"T {item.test:.0f}" if item.test else ""
     rows = [place.row for place in item.observations]
     points = {point.name: k for k, point in enumerate(record.points)}
     to = Place("measures", row=rows[0]) if rows else None
     if to is None and item.points and item.points[0].name in points:
         to = Place(point=points[item.points[0].name])
-    return Finding(
-        "bad",
-        name(item.what),
-        name(text),
-        off,
-        "",
-        "look at the image or the list, correct it, adjust again. What this means:",
-        f"obseq causes {item.code}",
-        to,
-    )
+    return suspected(item, name(item.what), off, "", "look at the image or the list", to)
 
 
 def _others(record: BundleRecord) -> Iterator[Finding]:
-    found = record.diagnosis
-    if found is not None and found.reason:
-        yield Finding(
-            "bad" if found.status != "accepted" else "info",
-            f"Search for errors: {found.status}",
-            name(found.reason),
-        )
+    yield from searched(record.diagnosis, record.failures)
     if text := distrusted(record):
         yield Finding("bad", "Not to be trusted", name(text))
-    for one in () if found is None else found.remarks:
-        yield Finding("info", "Remark", name(f"{one.text}. No error: it is not beyond a sigma of each."))
     yield from _lost("Left out", record.left_out, "warn")
     yield from _lost("Changes nothing", record.unmeasured, "info")
     yield from _lost("Not in pairs of their rigid blocks", record.unpaired, "warn")
@@ -106,8 +85,6 @@ def _others(record: BundleRecord) -> Iterator[Finding]:
     yield from _checks(record)
     yield from _weakly_checked(record)
     yield from _fit(record)
-    for failure in record.failures:
-        yield Finding("warn", "Warning", name(failure))
     for note in record.notes:
         yield Finding("info", "Note", name(note))
 

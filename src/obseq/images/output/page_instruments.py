@@ -177,3 +177,5 @@ INSTRUMENT_TABLES: dict[str, Callable[[BundleRecord], Plain | None]] = {
     "shutters": _shutters,
 }
 """The tables by name, in the order of the page."""
+INSTRUMENTS = tuple(name for name in INSTRUMENT_TABLES if name != "check-points")
+"""Those of what cameras stand on or carry: they stand together."""

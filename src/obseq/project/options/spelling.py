@@ -180,6 +180,7 @@ IDLE = {
     "NbStep0": "nothing is looked for on a grid",
     "NbStep": "nothing is looked for on a grid",
     "DMGon": "angles are told in radians",
+    "DataDir": "folders are named where they are used",
     "LVM": "steps are damped by themselves where that is needed",
     "Debug": "nothing is drawn or printed on the way",
     "ShowByBloc": "each pair of cameras is always shown",

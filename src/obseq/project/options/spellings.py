@@ -42,10 +42,6 @@ def _network(given: Sequence[str]) -> list[str]:
     return [topo, topo_out, f"GCPDir={points}", f"GCPDirOut={points_out}"]
 
 
-def _every_folder(name: str, given: Value) -> list[str]:
-    raise InputError(f"{name} is not needed: folders are named where they are used")
-
-
 def _until_converged(name: str, given: Value) -> list[str]:
     """Nothing: from other first values another number of iterations is needed."""
     return value(name)(name, given)[:0]
@@ -106,7 +102,6 @@ SPELLINGS = (
         (
             ITERATIONS,
             *(Option(name, "as the original's", as_typed) for name in TOPO if name != "NbIter"),
-            Option("DataDir", "default of folders", _every_folder),
         ),
         "TopoAdj Obs1 InitRTL Obs1_out FinalRTL NbIter=5",
         "Precisions are in the report (--json, --html of obseq topo-adjust).",

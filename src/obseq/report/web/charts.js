@@ -2,6 +2,8 @@
 
 const CHART = { width: 420, height: 240, left: 46, right: 10, top: 10, bottom: 34 };
 const MOST_DOTS = 800;
+const TALL_IMAGE = 300;
+const LONGEST_ARROW = 66;
 
 /** Places of values on an axis of the chart: a function of the value. */
 function axis(low, high, start, end) {
@@ -51,7 +53,7 @@ function histogram(values, name) {
   const bars = counts.map((count, k) => svg("path", { class: "bar", d: `M${x(low + k * width) + 0.5} ${y(0)}V${y(count)}H${x(low + (k + 1) * width) - 0.5}V${y(0)}Z` }, [svg("title", {}, [`${count}`])]));
   const curve = Array.from({ length: 101 }, (_, k) => -5 + k / 10).map((z, k) => `${k ? "L" : "M"}${x(z).toFixed(1)} ${y(expected(z)).toFixed(1)}`).join("");
   const parts = [...frame(x, y, labelled([-4, -2, 0, 2, 4]), labelled(ticks(0, most, 4)), name), ...bars, svg("path", { class: "curve", d: curve })];
-  return chart("Histogram", `${values.length} ${name}s; the curve is the normal distribution; the outer bars hold what lies beyond 5`, parts);
+  return chart("Histogram", `${values.length} values of ${name}; the curve is the normal distribution; the outer bars hold what lies beyond 5`, parts);
 }
 
 /** Quantile of the normal distribution (Acklam's rational approximation, 1e-9). */
@@ -85,7 +87,7 @@ function normalPlot(values, name) {
   });
   const line = svg("path", { class: "curve", d: `M${x(-4)} ${y(-4)}L${x(4)} ${y(4)}` });
   const parts = [...frame(x, y, labelled([-4, -2, 0, 2, 4]), labelled(ticks(-reach, reach, 6)), "expected of a normal distribution"), line, svg("path", { class: "dot", d: dots.join("") })];
-  return chart("Normal plot", `ordered ${name}s; on the line where they are as the sigmas announce`, parts);
+  return chart("Normal plot", `ordered values of ${name}; on the line where they are as the sigmas announce`, parts);
 }
 
 /** Sigma0 and the largest step of each iteration, on a logarithmic scale. */
@@ -121,24 +123,35 @@ function bands(groups, limit) {
   return chart("w by type", `each observation a tick${isLong ? "; logarithmic" : ""}; beyond the limit in red`, [...marks, ...rows, ...texts]);
 }
 
+/** Units of a chart for a pixel of an image that fills it. */
+const scaleOfImage = (width, height) => Math.min((CHART.width - 20) / width, TALL_IMAGE / height);
+
+/** A number in a cell that is coloured as strongly as it says. */
+const inside = (x, y, text, strength) => svg("text", { x, y: y + 3.5, class: strength > 0.5 ? "in light" : "in" }, [text]);
+
 /** Residuals on the frame of an image or a camera, enlarged; suspected ones in rings. */
-function imageFrame({ title, width, height, x, y, dx, dy, suspected = [], note = "" }) {
-  const scale = Math.min((CHART.width - 20) / width, (CHART.height - 20) / height);
+function imageFrame({ title, width, height, x, y, dx, dy, suspected, note }) {
+  const [scale, base] = [scaleOfImage(width, height), height * scaleOfImage(width, height) + 10];
   const lengths = dx.map((value, k) => Math.hypot(value, dy[k]));
-  const factor = 22 / (high(lengths, 0.95) || 1);
+  const usualOnes = lengths.filter((_, k) => !suspected.includes(k));
+  const factor = 22 / (high(usualOnes, 0.95) || high(lengths, 1) || 1);
   const place = (k) => [10 + x[k] * scale, 10 + y[k] * scale];
   const arrows = new SvgPath();
-  dx.forEach((value, k) => arrow(arrows, ...place(k), place(k)[0] + value * factor, place(k)[1] + dy[k] * factor));
+  dx.forEach((value, k) => {
+    const by = factor * Math.min(1, LONGEST_ARROW / (lengths[k] * factor || 1));
+    arrow(arrows, ...place(k), place(k)[0] + value * by, place(k)[1] + dy[k] * by);
+  });
+  const cut = high(lengths, 1) * factor > LONGEST_ARROW ? `; arrows beyond ${significant(LONGEST_ARROW / factor)} px are drawn shorter` : "";
   const rings = suspected.map((k) => svg("circle", { cx: place(k)[0], cy: place(k)[1], r: 7, class: "ring bad" }));
   const usual = roundBelow(30 / factor);
   const parts = [svg("rect", { x: 10, y: 10, width: width * scale, height: height * scale, class: "axis" }), svg("path", { d: arrows.d, class: "arrow" }), ...rings,
-    svg("path", { d: `M14 ${CHART.height - 4}h${usual * factor}`, class: "arrow" }), svg("text", { x: 20 + usual * factor, y: CHART.height }, [`${significant(usual)} px`])];
-  return chart(title, note || `${dx.length} residuals, rms ${significant(Math.sqrt(lengths.reduce((sum, value) => sum + value * value, 0) / Math.max(2 * dx.length, 1)))} px per coordinate`, parts);
+    svg("path", { d: `M14 ${base + 10}h${usual * factor}`, class: "arrow" }), svg("text", { x: 20 + usual * factor, y: base + 14 }, [`${significant(usual)} px`])];
+  return chart(title, `${note}${cut}`, parts, base + 20);
 }
 
 /** Residuals by the distance from the principal point. */
 function profile({ title, radius, mean, rms, note }) {
-  const top = Math.max(...rms, ...mean.map(Math.abs), 1e-9);
+  const top = 1.05 * Math.max(...rms, ...mean.map(Math.abs), 1e-9);
   const x = axis(0, Math.max(...radius, 1), CHART.left, CHART.width - CHART.right);
   const y = axis(-top, top, CHART.height - CHART.bottom, CHART.top);
   const line = (values, style) => svg("path", { class: style, d: path(values.map((value, k) => [x(radius[k]), y(value)])) });
@@ -149,29 +162,30 @@ function profile({ title, radius, mean, rms, note }) {
 function matrix({ title, names, values, note = "" }) {
   const step = Math.min(30, (CHART.width - 60) / names.length);
   const cells = values.flatMap((row, i) => row.map((value, j) => svg("rect", { x: 50 + j * step, y: 20 + i * step, width: step - 2, height: step - 2, class: value < 0 ? "negative" : "positive", opacity: (0.06 + 0.9 * Math.abs(value)).toFixed(2) }, [svg("title", {}, [`${names[i]}, ${names[j]}: ${fixed(value, 2)}`])])));
+  const numbers = step < 24 ? [] : values.flatMap((row, i) => row.map((value, j) => inside(50 + (j + 0.5) * step, 20 + (i + 0.5) * step, i === j ? "" : fixed(100 * value, 0), Math.abs(value))));
   const labels = names.flatMap((name, i) => [svg("text", { x: 46, y: 20 + i * step + step / 2 + 4, "text-anchor": "end" }, [name]), svg("text", { x: 50 + i * step + step / 2, y: 14, "text-anchor": "middle" }, [name])]);
-  return chart(title, note, [...cells, ...labels], Math.max(CHART.height, 30 + names.length * step));
+  return chart(title, note, [...cells, ...numbers, ...labels], Math.max(CHART.height, 30 + names.length * step));
 }
 
 /** A grid, and where its knots would be: the image without distortion. */
 function distortedGrid({ title, width, height, x, y, note = "" }) {
-  const [scale, side] = [Math.min((CHART.width - 40) / width, (CHART.height - 40) / height), Math.round(Math.sqrt(x.length))];
-  const place = (k) => (x[k] === null ? null : [20 + x[k] * scale, 20 + y[k] * scale]);
+  const [scale, side] = [scaleOfImage(width, height), Math.round(Math.sqrt(x.length))];
+  const place = (k) => (x[k] === null ? null : [10 + x[k] * scale, 10 + y[k] * scale]);
   const lines = Array.from({ length: side }, (_, i) => [Array.from({ length: side }, (__, j) => place(i * side + j)), Array.from({ length: side }, (__, j) => place(j * side + i))]).flat();
-  const given = Array.from({ length: side }, (_, i) => `M20 ${20 + i * height * scale / (side - 1)}h${width * scale}M${20 + i * width * scale / (side - 1)} 20v${height * scale}`).join("");
-  return chart(title, note, [svg("path", { d: given, class: "grid" }), svg("path", { d: lines.map(path).join(""), class: "arrow" })]);
+  const given = Array.from({ length: side }, (_, i) => `M10 ${10 + i * height * scale / (side - 1)}h${width * scale}M${10 + i * width * scale / (side - 1)} 10v${height * scale}`).join("");
+  return chart(title, note, [svg("path", { d: given, class: "grid" }), svg("path", { d: lines.map(path).join(""), class: "arrow" })], height * scale + 20);
 }
 
 /** How many image points each part of a frame has; a part without any is left white. */
 function coverage({ title, width, height, counts, note = "" }) {
-  const [scale, rows, most] = [Math.min((CHART.width - 40) / width, (CHART.height - 40) / height), counts.length, Math.max(...counts.flat(), 1)];
+  const [scale, rows, most] = [scaleOfImage(width, height), counts.length, Math.max(...counts.flat(), 1)];
   const [wide, tall] = [width * scale / counts[0].length, height * scale / rows];
-  const cells = counts.flatMap((row, j) => row.map((count, i) => {
-    const at = { x: 20 + i * wide, y: 20 + j * tall, width: wide - 1, height: tall - 1 };
+  const cells = counts.flatMap((row, j) => row.flatMap((count, i) => {
+    const at = { x: 10 + i * wide, y: 10 + j * tall, width: wide - 1, height: tall - 1 };
     const shade = count ? { class: "positive", opacity: (0.15 + 0.8 * count / most).toFixed(2) } : { class: "grid" };
-    return svg("rect", { ...at, ...shade }, [svg("title", {}, [`${count} image points`])]);
+    return [svg("rect", { ...at, ...shade }, [svg("title", {}, [`${count} image points`])]), inside(at.x + wide / 2, at.y + tall / 2, String(count), count / most)];
   }));
-  return chart(title, note, [...cells, svg("rect", { x: 20, y: 20, width: width * scale, height: height * scale, class: "grid" })]);
+  return chart(title, note, [...cells, svg("rect", { x: 10, y: 10, width: width * scale, height: height * scale, class: "grid" })], height * scale + 20);
 }
 
 function path(places) {

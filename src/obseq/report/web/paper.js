@@ -4,6 +4,7 @@ const MOST_PRINTED = 400;
 const MOST_OTHERS = 60;
 const MOST_FINDINGS = [6, 5];
 const A_PAGE = 67;
+const MOST_CHARTS = 8;
 
 /** The content of the page for paper. */
 function paper(page) {
@@ -21,12 +22,18 @@ function paper(page) {
   const tables = content.tables.filter((table) => table.size);
   const long = tables.filter((table) => table.rows && table.rows !== "point");
   for (const section of content.sections) {
-    if (section.charts?.length) parts.push(make("h2", { class: "break" }, [section.title]), make("div", { class: "charts" }, page.chartsOf(section).slice(0, 8)));
+    if (section.charts?.length) parts.push(make("h2", parts.some((part) => part.className === "break") ? {} : { class: "break" }, [section.title]), ...printedCharts(page.chartsOf(section)));
   }
   for (const table of tables.filter((item) => !long.includes(item))) parts.push(...printedTable(page, table));
   for (const section of content.sections) if (section.facts?.length) parts.push(make("h2", {}, [section.title]), facts(section.facts));
   for (const table of long) parts.push(...printedTable(page, table));
   return parts;
+}
+
+/** The first charts of a section; how many there are. */
+function printedCharts(charts) {
+  const more = charts.length > MOST_CHARTS ? [make("p", { class: "note" }, [`the first ${MOST_CHARTS} of ${charts.length}; the page has all`])] : [];
+  return [make("div", { class: "charts" }, charts.slice(0, MOST_CHARTS)), ...more];
 }
 
 function printedFinding(item) {

@@ -10,6 +10,8 @@ const MOST_NAMES = 600;
 const LEAST_NAME = 4;
 const MOST_UNPLACED = 30;
 const MOST_SIGHTS = 20000;
+/** Sights that hide points and names unless they are pale. */
+const MANY_SIGHTS = 1000;
 const TYPE_COLOURS = ["#4477aa", "#cc6677", "#228833", "#b8860b", "#66a5c9", "#aa3377", "#888888", "#e07b39", "#44aa99", "#8866cc"];
 const PLACES_OF_NAMES = [[9, 4, 0], [-9, 4, 1], [0, -11, 0.5], [0, 20, 0.5], [8, -8, 0], [8, 16, 0], [-8, -8, 1], [-8, 16, 1]];
 
@@ -180,7 +182,7 @@ class Plan {
       else for (const [look, shift] of this.looks(pair)) addLine(sheet, lines, look, from, to, shift);
     }
     this.isCut = count > MOST_SIGHTS;
-    const alpha = this.selection.points?.length ? 0.35 : count > 1500 && this.isCrowded ? 0.45 : 0.8;
+    const alpha = this.selection.points?.length || count > MANY_SIGHTS ? 0.35 : 0.8;
     for (const { style, width, isDashed, paths } of lines.values()) {
       for (const path of paths) sheet.stroke(path, style, width, { dash: isDashed ? [5, 4] : [], alpha });
     }

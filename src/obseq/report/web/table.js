@@ -3,6 +3,7 @@
 const BESIDE = 8;
 const SAMPLE = 400;
 const TALLEST = 470;
+const BESIDE_TEXT = 22;
 const SIZES = new Set(["redundancy"]);
 
 class Table {
@@ -110,7 +111,7 @@ class Table {
 
   refresh() {
     this.rows = this.sorted(this.rowsOf(this.filter));
-    this.count.textContent = this.rows.length === this.size ? `${this.size} rows` : `${this.rows.length} of ${this.size} rows`;
+    this.count.textContent = this.rows.length === this.size ? `${this.size} ${this.size === 1 ? "row" : "rows"}` : `${this.rows.length} of ${this.size} rows`;
     this.grid.setAttribute("aria-rowcount", String(this.rows.length + 1));
     this.draw(true);
   }
@@ -147,14 +148,15 @@ class Table {
     let total = 0;
     const step = Math.max(1, Math.floor(this.size / SAMPLE));
     const widths = this.columns.map((column) => {
-      let longest = Math.min(14, Math.max(...`${column.title}  `.split(" ").map((word) => word.length)) + 2);
+      const title = Math.min(14, Math.max(...`${column.title}  `.split(" ").map((word) => word.length)) + 2);
+      let longest = 0;
       for (let row = 0; row < this.size; row += step) longest = Math.max(longest, String(this.text(column, row)).length);
-      const width = Math.max(5, Math.min(longest, column.quantity === "text" ? 70 : 30)) + 3.5 + (column.bar ? 7 : 0);
+      const width = Math.max(5, title, Math.min(longest, column.quantity === "text" ? 70 : 30) + (column.bar ? 7 : 0));
       total += width;
-      return make("col", { style: `width:${width}ch` });
+      return make("col", { style: `width:calc(${width}ch + ${BESIDE_TEXT}px)` });
     });
     this.widths.replaceChildren(...widths);
-    this.grid.style.minWidth = `${total}ch`;
+    this.grid.style.minWidth = `calc(${total}ch + ${widths.length * BESIDE_TEXT}px)`;
   }
 
   draw(force = false) {

@@ -11,6 +11,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.leastsquares.sparse import Sparse
 from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
 _FEW = 200_000
-"""Entries up to which matrices are plain arrays: sparse ones take longer to begin, and SciPy to load."""
+"""Entries up to which matrices are plain arrays: sparse ones take longer to begin."""
 RARITY = {ROW: 0.0, KNOWN: 1.0, KNOWN_PLAN: 4.0}
 
 
@@ -174,10 +175,9 @@ class Catalogue:
             plain = np.zeros((n, start))
             plain[at] = np.concatenate(values)
             return Columns(linear.whitening.diagonal()[:, None] * plain, is_local)
-        from scipy.sparse import coo_array
-
-        sparse = coo_array((np.concatenate(values), at), shape=(n, start)).tocsr()
-        return Columns((linear.whitening @ sparse).tocsc(), is_local)
+        return Columns(
+            linear.whitening @ Sparse.of_entries(np.concatenate(values), *at, (n, start)), is_local
+        )
 
     def too_large(self, cause: KnownCause, chosen: IntArray, known: KnownCoordinates) -> FloatArray:
         """(k, parts) by how much (m) one unit of a mistake makes known coordinates too large."""

@@ -10,6 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.records.adjustment import LeftOutRecord
+from obseq.survey.initial.plan_only import are_in_plan_only
 from obseq.survey.initial.rivals import unknown_zeros
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.registry import codes_where
@@ -81,6 +82,30 @@ def part_of(points: Points, book: FieldBook, kept: BoolArray) -> tuple[Points, F
     stations = _used_stations(book, active)
     subset = replace(points.subset(np.flatnonzero(kept)), covariance=None)
     return subset, _book_without(book, ~kept, stations, active)
+
+
+def in_plan(given: Determined) -> Determined:
+    """The network, with the heights as invented of points that are left with observations of their plan.
+
+    What may see their heights goes to points that nothing places.
+
+    Args:
+        given: a network in a frame with heights, and initial values with the reasons for what they lack.
+    """
+    unplaced = given.initial.unplaced
+    flat = {item.point: item.plan for item in unplaced if item.plan is not None}
+    if not flat:
+        return given
+    others = [item for item in unplaced if item.point not in flat]
+    rows = replace(given.book.observations, active=_still_active(given, *_masks(given, others)))
+    found = are_in_plan_only(given.points, replace(given.book, observations=rows))
+    coordinates, invented = given.initial.coordinates.copy(), given.points.is_invented.copy()
+    for row, place in flat.items():
+        if found[row]:
+            coordinates[row], invented[row, 2] = place, True
+    left = tuple(item for item in unplaced if item.point not in flat or not found[item.point])
+    initial = replace(given.initial, coordinates=coordinates, unplaced=left)
+    return replace(given, points=replace(given.points, invented=invented), initial=initial)
 
 
 def _masks(given: Determined, found: Sequence[Unplaced]) -> tuple[BoolArray, BoolArray]:

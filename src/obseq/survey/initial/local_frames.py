@@ -3,7 +3,8 @@
 Two known stations that do not see each other, a traverse between two known points without any azimuth, one
 known point and an azimuth elsewhere: no point of such a group can be placed alone. The group is computed in a
 frame of its own (a station at the origin, its circle at zero, parallel plumb lines), then turned and moved
-onto the points it shares with what is known; where these are too near to each other, azimuths turn it.
+onto the points it shares with what is known; where these are too near to each other, azimuths turn it. A body
+of tilted set-ups is first turned upright by the heights of its points.
 """
 
 from __future__ import annotations
@@ -11,17 +12,25 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import minus, plus, wrap
 from obseq.survey.initial.known import Known, times, transposed_times
+from obseq.survey.initial.orienting import LEAST_SPREAD
 from obseq.survey.initial.placement import Level, Placement
 from obseq.survey.initial.relations import central_angle
+from obseq.survey.initial.tilted_frames import bodies, uprights
 from obseq.survey.model import Orientation
 from obseq.survey.sights.sights import Step, step_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from obseq.arrays import FloatArray
     from obseq.survey.initial.closed_forms import Space
+    from obseq.survey.initial.tilted_frames import Body
     from obseq.survey.sights.sight_graph import SightGraph
     from obseq.survey.sights.sights import Sight
     from obseq.survey.sights.ways import PlumbWays
@@ -83,6 +92,10 @@ class LocalFrames:
             partner = self._partner(station) if station in groups and station not in tried else None
             if partner is not None:
                 placed.extend(self._try_between(station, *partner, frozenset(allowed), tried))
+        tilted = [s for s in allowed if self.graph.orientations[s] == Orientation.BASC.value and s in groups]
+        for body in bodies(self.graph, tilted) if tilted else ():
+            if not self._is_in_vain(body.stations[0], tried):
+                placed.extend(self._try_tilted(body))
         return sorted(set(placed))
 
     def _is_usable(self, station: int) -> bool:
@@ -190,6 +203,56 @@ class LocalFrames:
         placement.run(_FLAT_LEVELS)
         tried.update(placement.oriented)
         return self._tied(station, placement, is_scaled=True)
+
+    def _try_tilted(self, body: Body) -> list[int]:
+        """Turns a body upright and moves it to its place, if what is known contradicts its mirror image."""
+        heights = {point: self._height(point) for point in body.places}
+        levelled = [point for point, height in heights.items() if height is not None]
+        turns = uprights(
+            np.array([body.places[point] for point in levelled]),
+            np.array([heights[point] for point in levelled], np.float64),
+        )
+        ways = []
+        for turn in turns:
+            self._lay(body, turn)
+            ways.append((self._misfit(list(body.places), heights), turn))
+        ways.sort(key=lambda way: way[0])
+        placed: list[int] = []
+        size = max(map(math.hypot, *zip(*body.places.values(), strict=True)))
+        if ways and max(2.0 * ways[0][0], LEAST_SPREAD * size) < ways[1][0]:
+            self._lay(body, ways[0][1])
+            placed = self._tie(body.stations[0], list(body.places), is_scaled=False)
+        reached = [] if placed else [p for p in body.places if not self.known.is_settled[p]]
+        self._in_vain[body.stations[0]] = reached, body.stations
+        for point in body.places:
+            self.scratch.forget_point(point)
+        return placed
+
+    def _height(self, point: int) -> float | None:
+        """Height of a point above the reference point, where it is known or given."""
+        height, given = self.known.height(point), self.known.given_heights.get(point)
+        return given - self.known.reference_height if height is None and given is not None else height
+
+    def _lay(self, body: Body, turn: FloatArray) -> None:
+        """Puts a body into the scratch, turned upright."""
+        for point, place in body.places.items():
+            east, north, up = (turn @ place).tolist()
+            self.scratch.positions[point], self.scratch.has_height[point] = (east, north, up), 1
+            self.scratch.point_steps[point] = Step("axes of the instrument", body.rows[point])
+
+    def _misfit(self, located: list[int], heights: Mapping[int, float | None]) -> float:
+        """How far (m) what is laid in the scratch is from what is known; infinite where nothing ties it."""
+        common = [point for point in located if self.known.is_settled[point]]
+        tie = self._solve(common, located, is_scaled=False) if common else None
+        if tie is None:
+            return math.inf
+        away = []
+        for point in common:
+            there = tie.move(self.known, self.scratch.position_of(point))
+            vertical = self.known.vertical_of(point)
+            away.append(math.hypot(*times(vertical, minus(there, self.known.position_of(point)))[:2]))
+        ups = [self.scratch.position_of(point)[2] - h for point, h in heights.items() if h is not None]
+        return math.hypot(*away, *(up - sum(ups) / len(ups) for up in ups))
 
     def _tied(self, station: int, placement: Placement, *, is_scaled: bool = False) -> list[int]:
         """Moves what was placed in the scratch to what is known, and empties the scratch."""

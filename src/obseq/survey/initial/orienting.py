@@ -24,7 +24,7 @@ _SAMPLE = 9
 """Sights of a station that are compared with each other."""
 _BLOCK = 1024
 """Stations whose angles are compared at once: the comparisons of so many stay near the processor."""
-_LEAST_SPREAD = 0.01
+LEAST_SPREAD = 0.01
 """Second singular value over the first, below which points are on a line and determine no rotation."""
 
 
@@ -126,11 +126,9 @@ def _orient_free(known: Known, graph: SightGraph, station: int) -> bool:
     origin = graph.origins[station]
     vectors = _pairs(known, graph, station, complete=True)
     seen, ground, rows = _directions(known, graph, station)
-    of_vectors = (
-        _spread(_centred(vectors.seen), _centred(vectors.ground)) if len(vectors.ground) >= 3 else 0.0
-    )
-    of_directions = _spread(seen, ground) if len(seen) >= 2 else 0.0
-    if max(of_vectors, of_directions) <= _LEAST_SPREAD**2:
+    of_vectors = spread(centred(vectors.seen), centred(vectors.ground)) if len(vectors.ground) >= 3 else 0.0
+    of_directions = spread(seen, ground) if len(seen) >= 2 else 0.0
+    if max(of_vectors, of_directions) <= LEAST_SPREAD**2:
         return False
     if of_vectors > of_directions:
         return _fit_isometry(known, station, origin, vectors)
@@ -186,12 +184,12 @@ def _fit_isometry(known: Known, station: int, origin: int, pairs: _Pairs) -> boo
     return _take_rotation(known, station, pose.rotation, step)
 
 
-def _centred(vectors: FloatArray) -> FloatArray:
+def centred(vectors: FloatArray) -> FloatArray:
     """Vectors (n, 3) about their middle."""
     return np.asarray(vectors - vectors.mean(axis=0))
 
 
-def _spread(local: FloatArray, world: FloatArray) -> float:
+def spread(local: FloatArray, world: FloatArray) -> float:
     """How far vectors (n, 3), and what they become, are from lying on one line: 0 on it."""
     singular = np.linalg.svd(world.T @ local, compute_uv=False)
     return float(singular[1] / singular[0]) if singular[0] > 0.0 else 0.0

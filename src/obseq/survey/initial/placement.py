@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.stopwatch import Tally
 from obseq.survey.initial.orienting import orient
 from obseq.survey.initial.polar_sights import LARGEST_SIGMA, PolarSights
 from obseq.survey.initial.relations import collect, station_g0s
@@ -112,7 +113,7 @@ class Placement:
 
     def run(self, levels: Iterable[Level]) -> bool:
         """Places what these levels allow, in their order; true when something was placed or oriented."""
-        done = False
+        done, tally = False, Tally("initial values: point", len(self.known.positions))
         for level in levels:
             if self.known.is_complete():
                 break
@@ -120,6 +121,8 @@ class Placement:
             self.dirty_geometry.update(self.best_positions)
             while self._place_polar() or self._orient_next(level) or self._place_by_geometry(level):
                 done = True
+                if tally.is_due:
+                    tally.tell(sum(position is not None for position in self.known.positions))
         return done
 
     def _orient_next(self, level: Level) -> bool:

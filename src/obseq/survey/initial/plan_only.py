@@ -29,7 +29,7 @@ def with_plans_only(points: Points, book: FieldBook) -> Points:
         points: All points that observations name, and others.
         book: The observations, numbered like the points; the stations have a vertical.
     """
-    found = _are_in_plan_only(points, book)
+    found = are_in_plan_only(points, book)
     invented = points.is_invented & ~points.is_free
     invented[:, 2] |= found
     return replace(points, invented=invented) if found.any() or points.invented is not None else points
@@ -44,7 +44,7 @@ def with_heights_of_site(points: Points, book: FieldBook) -> Points:
     """
     has_plan = np.isfinite(points.coordinates[:, :2]).all(axis=1)
     found = has_plan & np.isnan(points.coordinates[:, 2])
-    found &= _are_in_plan_only(points, book) if found.any() else False
+    found &= are_in_plan_only(points, book) if found.any() else False
     if not found.any():
         return points
     heights = points.coordinates[points.has_coordinates, 2]
@@ -53,7 +53,7 @@ def with_heights_of_site(points: Points, book: FieldBook) -> Points:
     return replace(points, coordinates=coordinates, invented=invented)
 
 
-def _are_in_plan_only(points: Points, book: FieldBook) -> BoolArray:
+def are_in_plan_only(points: Points, book: FieldBook) -> BoolArray:
     """(n,) the points that are free in height, and observed in plan only."""
     return np.asarray(points.is_free[:, 2] & _seen_in_plan_only(book)[: len(points)])
 

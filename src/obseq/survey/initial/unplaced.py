@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from obseq.survey.initial.best_position import BestPosition
+    from obseq.survey.initial.closed_forms import Space
     from obseq.survey.initial.known import Known
     from obseq.survey.model import FieldBook
     from obseq.survey.sights.sight_graph import SightGraph
@@ -48,6 +49,7 @@ class Unplaced:
         point: row of the point, or of the origin of the station.
         station: number of the station; None for a point.
         directions: unit vectors along which its observations let the point move; None where they leave more.
+        plan: where it is on a plumb line, at a provisional height (m); None where not even this is known.
     """
 
     what: str
@@ -55,6 +57,7 @@ class Unplaced:
     point: int
     station: int | None = None
     directions: tuple[tuple[float, ...], ...] | None = None
+    plan: Space | None = None
 
 
 def explain_points(
@@ -73,6 +76,7 @@ def explain_points(
             f"point {known.names[p]}",
             _reason(known, graph, best_positions[p][1] if p in best_positions else None, linked, p),
             p,
+            plan=known.positions[p],
         )
         for p in missing
     ]
@@ -193,7 +197,10 @@ def explain_stations(known: Known, graph: SightGraph, book: FieldBook) -> list[U
 
 def _station_reason(known: Known, graph: SightGraph, station: int) -> str:
     if graph.orientations[station] == Orientation.BASC.value:
-        return "a #BASC station is oriented by two directions to placed points, or placed by three vectors"
+        return (
+            "a #BASC station is oriented by two directions to placed points, or placed by three vectors; "
+            "where fewer points are placed, by heights of its targets and an azimuth"
+        )
     placed = [known.names[target] for target in graph.targets(station) if known.is_placed(target)]
     if placed:
         return f"the placed points that it sees ({_names(placed)}) are on its vertical, or have no reading"
