@@ -97,7 +97,7 @@ def in_plan(given: Determined) -> Determined:
     if not flat:
         return given
     others = [item for item in unplaced if item.point not in flat]
-    rows = replace(given.book.observations, active=_still_active(given, *_masks(given, others)))
+    rows = replace(given.book.observations, active=_still_active(given.book, *_masks(given, others)))
     found = are_in_plan_only(given.points, replace(given.book, observations=rows))
     coordinates, invented = given.initial.coordinates.copy(), given.points.is_invented.copy()
     for row, place in flat.items():
