@@ -67,14 +67,15 @@ class LinearTests:
 
         Args:
             linear: The model at a place.
-            columns: Of all hypotheses there.
+            columns: Of all hypotheses there; they are scaled, and belong to the tests from now on.
             hypotheses: What may be wrong.
             policy: How it is judged.
         """
         self.linear, self.hypotheses, self.policy = linear, hypotheses, policy
         lengths, unit = np.maximum(columns.norms(), _TINY), policy.variance**0.5
         self.norm = lengths / unit
-        self._columns = columns.scaled(lengths)
+        columns.scale(lengths)
+        self._columns = columns
         left = linear.left(linear.residuals) / unit
         self.cost = float(left @ left)
         self.off = self._columns.shown(linear.residuals) / unit

@@ -10,7 +10,7 @@ from obseq.printable import listed
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.basis import basis, kinds
 from obseq.report.content import TABLES, numbers_of, tables
-from obseq.report.findings import NOT_JUDGED, POOR, findings, sight, spreads, weakest
+from obseq.report.findings import NOT_JUDGED, POOR, findings, is_known, of_height, sight, spreads, weakest
 from obseq.report.head import (
     WORDS,
     Card,
@@ -79,7 +79,7 @@ def head(record: AdjustmentRecord, rows: Mapping[str, int]) -> Head:
 def verdict(record: AdjustmentRecord) -> Verdict:
     """The sentence, at the level of the exit code."""
     level, text = _judged(record)
-    known = sum(count for letters, count in record.points.distinct("known").items() if letters)
+    known = int(is_known(record).sum())
     used = int(record.observations.truths("active").sum())
     off = len(record.observations) - used
     detail = joined(
@@ -183,6 +183,8 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
     is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
     tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
     note = f"{100 * (1 - test.level):g} % chi-square interval"
+    if record.sigma0 is not None and (own := significant(record.sigma0, 4)) != significant(test.sigma0, 4):
+        note += f"; {own} of observations alone"
     if record.gross_errors:
         rest = record.diagnosis and record.diagnosis.sigma0
         note = f"{rest:.3g} without the suspected errors" if rest else "spoilt by the suspected errors"
@@ -234,7 +236,7 @@ def _largest(record: AdjustmentRecord) -> Card | None:
 
 
 def _weakest(record: AdjustmentRecord, rows: Mapping[str, int]) -> Card | None:
-    found = weakest(record.points)
+    found = weakest(record)
     if found is None:
         return None
     k, size = found
@@ -253,7 +255,7 @@ def _weakest(record: AdjustmentRecord, rows: Mapping[str, int]) -> Card | None:
 def _of_shape(record: AdjustmentRecord, point: PointRecord) -> str:
     if point.ellipse:
         return f"ellipse {ellipse_level(record)}"
-    return "standard deviation of its height" if point.sx is None else "standard deviation"
+    return f"standard deviation{' of its height' if of_height(point.sx, point.known) else ''}"
 
 
 def _unchecked(record: AdjustmentRecord) -> Card | None:

@@ -81,7 +81,7 @@ class SupernodalCholesky(BaseSolver):
         self._structure = structure
         self._schedule = plan(structure, self._threads)
         self._panels = np.empty(structure.panel_at[-1])
-        self._workspace = np.empty(self._schedule.shared_room + self._threads * self._schedule.update_room)
+        self._workspace = np.empty(0)
         self._scratch = np.empty((self._threads, int(np.max(structure.width, initial=0)) ** 2))
         self._pivots = np.empty(pattern.n)
         self._schur = None
@@ -95,6 +95,7 @@ class SupernodalCholesky(BaseSolver):
     def _factor_until(self, values: FloatArray, tolerance: float, diagonal: FloatArray | None = None) -> None:
         """Factors all supernodes but that of the last unknowns, which is assembled."""
         schedule = self._schedule
+        self._have_room(self._rooms()[0])
         measure = values[self.pattern.diagonal] if diagonal is None else diagonal
         self._pivots[:] = measure[self._structure.unknowns]
 
@@ -283,9 +284,7 @@ class SupernodalCholesky(BaseSolver):
     def _invert(self, stop: int, last_inverse: FloatArray) -> FloatArray:
         """Selected inverse; the supernodes from `stop` on have this inverse (lower triangle)."""
         schedule, structure = self._schedule, self._structure
-        room = schedule.shared_room + self._threads * schedule.front_room
-        if len(self._workspace) < room:
-            self._workspace = np.empty(room)
+        self._have_room(self._rooms()[1])
         scratch = np.empty((self._threads, int(np.max(structure.width * structure.front, initial=0))))
         selected = np.empty(self.pattern.nnz)
 
@@ -311,7 +310,19 @@ class SupernodalCholesky(BaseSolver):
 
         with one_blas_thread():
             run_tasks(schedule, run, self._threads, upwards=False)
+        self._workspace = np.empty(0)
         return selected
+
+    def _rooms(self) -> tuple[int, int]:
+        """Numbers that a factorisation, and the inverse, have in their workspace."""
+        shared = self._schedule.shared_room
+        own = self._schedule.update_room, self._schedule.front_room
+        return shared + self._threads * own[0], shared + self._threads * own[1]
+
+    def _have_room(self, room: int) -> None:
+        """Room to work in, which is kept from one factorisation to the next, and not beyond the inverse."""
+        if len(self._workspace) < room:
+            self._workspace = np.empty(room)
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -325,5 +336,5 @@ class SupernodalCholesky(BaseSolver):
             nnz_pattern=self.pattern.nnz,
             nnz_factor=int(np.sum(width * (width + 1) / 2 + width * below)),
             flops=float(np.sum(width**3 / 3 + width**2 * below + width * below**2)),
-            memory=self._panels.nbytes + self._workspace.nbytes + self._scratch.nbytes,
+            memory=self._panels.nbytes + 8 * max(self._rooms()) + self._scratch.nbytes,
         )

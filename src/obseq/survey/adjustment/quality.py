@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from obseq.survey.model import FieldBook
 
 STATISTICS = ("w", "tau")
+ROUNDED = 1e-6
+"""sigma0 below which residuals are rounding: at 1000 km coordinates end at 1e-10 m, for a sigma of 0.1 mm."""
 _STATISTIC = Expected('"w" or "tau"', lambda value: value in STATISTICS)
 _KINDS = {
     "reliability": TRUTH,
@@ -111,11 +113,16 @@ class Examination:
     @property
     def a_priori(self) -> bool:
         """Whether precisions are those of the given sigmas."""
-        return self.wanted.a_priori or self.solution.variance_factor is None
+        return _is_a_priori(self.wanted, self.solution)
 
     def relative_ellipses(self) -> ErrorEllipses | None:
         """The relative ellipses, at the level asked for."""
         return None if self.relative is None else self.relative.ellipses(self.wanted.ellipses)
+
+
+def _is_a_priori(wanted: Quality, solution: LeastSquaresResult) -> bool:
+    """Whether precisions are those of the given sigmas: as asked for, or as the residuals say nothing."""
+    return wanted.a_priori or (solution.variance_factor or 0.0) < ROUNDED**2
 
 
 def examine(
@@ -146,7 +153,9 @@ def examine(
     quality = None
     if wanted.reliability:
         quality = reliability(system, solution, *levels, groups=joint_groups(equations, book))
-    relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
+    relative = (
+        _relative(equations, book, solution, _is_a_priori(wanted, solution)) if wanted.relative else None
+    )
     effects = _effects(equations, quality) if wanted.effects and quality else None
     return Examination(wanted, solution, quality, components, relative, effects)
 
@@ -190,7 +199,7 @@ def _relative(
     if not apart.any():
         return None
     first, second = equations.points[pairs[apart]].T
-    return relative_precision(solution, first, second, a_priori or solution.variance_factor is None)
+    return relative_precision(solution, first, second, a_priori)
 
 
 def of_observations(equations: Equations, part: Reliability, name: str, n: int) -> FloatArray:

@@ -192,7 +192,7 @@ def _of_values(notes: Notes, scopes: tuple[Scope, ...], off: FloatArray | None) 
         for scope in scopes:
             groups = grouped(scope, scope.labels(notes), mask, _LEAST)
             for k in range(len(groups)) if off is None else _worst(groups, off):
-                rows, label = groups.rows[groups.starts[k] : groups.starts[k + 1]], int(groups.labels[k])
+                rows, label = groups.of(k), int(groups.labels[k])
                 is_all = off is not None and len(rows) == np.count_nonzero(mask)
                 if is_all or rows.tobytes() in seen:
                     continue
