@@ -15,7 +15,7 @@ from obseq.leastsquares.solvers.ordering import checked_ordering, resolve_orderi
 from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import SUSPICIOUS, defect_of, undetermined
 from obseq.leastsquares.solvers.schedule import plan, run_tasks
-from obseq.leastsquares.solvers.substitution import substitute_backward, substitute_forward
+from obseq.leastsquares.solvers.substitution import quadratic_forms, substitute_backward, substitute_forward
 from obseq.leastsquares.solvers.symbolic import analyse_pattern
 
 if TYPE_CHECKING:
@@ -25,9 +25,12 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
+    from obseq.leastsquares.sparse import Sparse
 
     Substitution = Callable[..., None]
 
+AT_ONCE, NUMBERS = 64, 4_000_000
+"""Sparse right-hand sides that are met together: as many as share what is in cache, in 32 MB."""
 WORKING_ROOM = ("_workspace", "_scratch")
 """Arrays that are filled anew at each call."""
 
@@ -272,6 +275,31 @@ class SupernodalCholesky(BaseSolver):
         for substitute in (substitute_forward, substitute_backward):
             self._sweep(substitute, x, len(self._structure.parent))
         return self._unpermuted(x)
+
+    def quadratic_forms(self, right: Sparse) -> FloatArray:
+        """(k,) b N^-1 b' of the rows b of a sparse matrix (k, n), each met where its entries lead to."""
+        self._require_regular()
+        s, result = self._structure, np.zeros(right.shape[0])
+        place = np.empty(self.pattern.n, np.int64)
+        place[s.unknowns] = np.arange(self.pattern.n)
+        lowest = (
+            np.minimum.reduceat(place[right.columns], right.starts[:-1]) if right.counts.all() else result
+        )
+        order = np.argsort(lowest, kind="stable")  # those that lead the same way together
+        many = max(1, min(AT_ONCE, NUMBERS // max(self.pattern.n, 1), len(order)))
+        x, is_met = np.zeros((many, self.pattern.n)), np.zeros(len(s.parent), np.bool_)
+        scratch = np.empty(many * int(np.max(s.below, initial=0)))
+        with one_blas_thread():
+            for first in range(0, len(order), many):
+                chosen = order[first : first + many]
+                some, found = right.some(chosen), np.zeros(len(chosen))
+                places = place[some.columns]
+                nodes = np.searchsorted(s.start, places, "right") - 1
+                entries = some.starts, places, nodes, some.values
+                own = x[: len(chosen)]
+                quadratic_forms(s, self._panels, *entries, own, is_met, scratch, routine_addresses(), found)
+                result[chosen] = found
+        return result
 
     def _sweep(self, substitute: Substitution, x: FloatArray, stop: int) -> None:
         scratch = np.empty(int(np.max(self._structure.below, initial=0)))
