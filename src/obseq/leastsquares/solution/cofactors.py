@@ -64,7 +64,7 @@ class Cofactors:
     def quadratic_forms(self, rows: Sparse) -> FloatArray:
         """(k,) b Q b' of the rows b of a sparse matrix (k, n_free)."""
         if isinstance(self._solver, SupernodalCholesky):
-            return self._solver.quadratic_forms(rows)
+            return self._solver.quadratic_forms(rows.values, rows.columns, rows.starts)
         result, each = np.empty(rows.shape[0]), np.arange(rows.shape[0])
         many = max(1, min(AT_ONCE, NUMBERS // max(self.pattern.n, 1)))
         for first in range(0, len(each), many):

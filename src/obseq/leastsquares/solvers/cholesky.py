@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
-    from obseq.leastsquares.sparse import Sparse
 
     Substitution = Callable[..., None]
 
@@ -276,29 +275,30 @@ class SupernodalCholesky(BaseSolver):
             self._sweep(substitute, x, len(self._structure.parent))
         return self._unpermuted(x)
 
-    def quadratic_forms(self, right: Sparse) -> FloatArray:
-        """(k,) b N^-1 b' of the rows b of a sparse matrix (k, n), each met where its entries lead to."""
+    def quadratic_forms(self, values: FloatArray, columns: IndexArray, starts: IntArray) -> FloatArray:
+        """(k,) b N^-1 b' of sparse rows b, each met where its entries lead to.
+
+        Args:
+            values: (nnz,) entries, row by row.
+            columns: (nnz,) the column of each.
+            starts: (k + 1,) where each row begins among them.
+        """
         self._require_regular()
-        s, result = self._structure, np.zeros(right.shape[0])
-        place = np.empty(self.pattern.n, np.int64)
-        place[s.unknowns] = np.arange(self.pattern.n)
-        lowest = (
-            np.minimum.reduceat(place[right.columns], right.starts[:-1]) if right.counts.all() else result
-        )
-        order = np.argsort(lowest, kind="stable")  # those that lead the same way together
-        many = max(1, min(AT_ONCE, NUMBERS // max(self.pattern.n, 1), len(order)))
-        x, is_met = np.zeros((many, self.pattern.n)), np.zeros(len(s.parent), np.bool_)
+        s, n, result = self._structure, self.pattern.n, np.zeros(len(starts) - 1)
+        place = np.empty(n, np.int64)
+        place[s.unknowns] = np.arange(n)
+        places = place[columns]
+        nodes = np.searchsorted(s.start, places, "right") - 1
+        order = np.argsort(np.append(nodes, 0)[starts[:-1]], kind="stable")  # those that lead the same way
+        many = max(1, min(AT_ONCE, NUMBERS // max(n, 1), len(order)))
+        x, is_met = np.zeros((many, n)), np.zeros(len(s.parent), np.bool_)
         scratch = np.empty(many * int(np.max(s.below, initial=0)))
+        entries = starts, places, nodes, values
         with one_blas_thread():
             for first in range(0, len(order), many):
-                chosen = order[first : first + many]
-                some, found = right.some(chosen), np.zeros(len(chosen))
-                places = place[some.columns]
-                nodes = np.searchsorted(s.start, places, "right") - 1
-                entries = some.starts, places, nodes, some.values
-                own = x[: len(chosen)]
-                quadratic_forms(s, self._panels, *entries, own, is_met, scratch, routine_addresses(), found)
-                result[chosen] = found
+                rows = order[first : first + many]
+                room = x[: len(rows)], is_met, scratch
+                quadratic_forms(s, self._panels, rows, *entries, *room, routine_addresses(), result)
         return result
 
     def _sweep(self, substitute: Substitution, x: FloatArray, stop: int) -> None:

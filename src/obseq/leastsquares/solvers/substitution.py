@@ -109,6 +109,7 @@ def substitute_backward(
 def quadratic_forms(
     structure: Structure,
     panels: FloatArray,
+    chosen: IntArray,
     starts: IntArray,
     places: IntArray,
     nodes: IntArray,
@@ -124,7 +125,8 @@ def quadratic_forms(
     Args:
         structure: structure of the factor.
         panels: the factor.
-        starts: (k + 1,) where the entries of each right-hand side begin.
+        chosen: (k,) which right-hand sides.
+        starts: where the entries of each begin, and the end of the last.
         places: (nnz,) of the entries, in the order of elimination.
         nodes: (nnz,) the supernodes of these.
         values: (nnz,) entries.
@@ -132,11 +134,11 @@ def quadratic_forms(
         is_met: (m,) false, before and after.
         scratch: room for the largest number of rows below, times k.
         addresses: of the BLAS routines.
-        result: (k,) what is added to.
+        result: what is added to, one for each right-hand side.
     """
     start, below_at, many = structure.start, structure.below_at, len(x)
     for right in range(many):
-        for e in range(starts[right], starts[right + 1]):
+        for e in range(starts[chosen[right]], starts[chosen[right] + 1]):
             x[right, places[e]] += values[e]
             s = nodes[e]
             while s >= 0 and not is_met[s]:
@@ -166,5 +168,5 @@ def quadratic_forms(
             for i in range(deep):
                 x[right, below[i]] -= scratch[right * deep + i]
             for j in range(first, first + width):
-                result[right] += x[right, j] ** 2
+                result[chosen[right]] += x[right, j] ** 2
                 x[right, j] = 0.0
