@@ -283,7 +283,8 @@ class SupernodalCholesky(BaseSolver):
             columns: (nnz,) the column of each.
             starts: (k + 1,) where each row begins among them.
         """
-        self._require_regular()
+        if self.defect().dimension:
+            raise SolverStateError(f"{self.name}: the last matrix is singular, and has no inverse")
         s, n, result = self._structure, self.pattern.n, np.zeros(len(starts) - 1)
         place = np.empty(n, np.int64)
         place[s.unknowns] = np.arange(n)
