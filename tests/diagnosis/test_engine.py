@@ -72,12 +72,12 @@ class Linearly:
             self.observed + self.matrix @ place,
             Sparse.of_dense(self.matrix),
             Sparse.of_diagonal(np.ones(N)),
-            Sparse.of_dense(inverse),
+            lambda: Sparse.of_dense(inverse),
             Sparse.of_diagonal(leverages),
             lambda right: inverse @ right,
             N - U,
         )
-        return linear, Columns(Sparse.of_dense(columns()), np.arange(N + 1) < N)
+        return linear, Columns(Sparse.of_dense(columns().T), np.arange(N + 1) < N)
 
     def adjusted(self, place: Array, changes: Sequence[Change]) -> tuple[Array, bool, int]:
         self.adjustments += 1

@@ -23,9 +23,15 @@ def test_products_are_those_of_plain_arrays(n, k, m):
     assert (first @ second).toarray() == pytest.approx(one @ two)
     assert first @ two == pytest.approx(one @ two)
     assert first @ two[:, 0] == pytest.approx(one @ two[:, 0])
+    beside = np.random.default_rng(6).normal(size=(n, 3))
+    assert first.transposed_times(beside) == pytest.approx(one.T @ beside)
+    assert first.transposed_times(beside[:, 0]) == pytest.approx(one.T @ beside[:, 0])
     rows = np.arange(n)[::-2]
     assert first.some(rows).toarray() == pytest.approx(one[rows])
     assert first.scaled(np.arange(n) + 0.5).toarray() == pytest.approx((np.arange(n) + 0.5)[:, None] * one)
+    assert first.with_columns_scaled(np.arange(k) + 0.5).toarray() == pytest.approx(
+        one * (np.arange(k) + 0.5)
+    )
     third, three = scattered(n, k, 3)
     assert first.dots(third) == pytest.approx((one * three).sum(axis=1))
     assert first.dots(first) == pytest.approx((one * one).sum(axis=1))

@@ -33,7 +33,7 @@ class Columns:
     """What errors of one unit add to computed minus observed.
 
     Attributes:
-        matrix: (n, k), whitened.
+        matrix: (n, k) a plain array, whitened; where it is sparse, (k, n): each column is a row there.
         is_local: (k,) whether the unknowns of its equations are all joined in the normal matrix.
     """
 
@@ -49,23 +49,25 @@ class Columns:
     @property
     def _each(self) -> Sparse:
         """(k, n) the columns of a sparse matrix, as rows."""
-        return cast("Sparse", self.matrix).T
+        return cast("Sparse", self.matrix)
 
-    def scaled(self, lengths: FloatArray) -> Columns:
-        """The same divided by lengths (k,)."""
-        if isinstance(self.matrix, np.ndarray):
-            return Columns(self.matrix / lengths, self.is_local)
-        return Columns(self._each.scaled(1.0 / lengths).T, self.is_local)
+    def scale(self, lengths: FloatArray) -> None:
+        """Divides them by lengths (k,), in place: those of a large network are not copied."""
+        matrix = self.matrix
+        if isinstance(matrix, np.ndarray):
+            matrix /= lengths
+        else:
+            matrix.values /= lengths.repeat(matrix.counts)
 
     def shown(self, vectors: FloatArray) -> FloatArray:
         """(k,) or (k, m) C' times vectors (n,) or (n, m)."""
-        return np.asarray(self.matrix.T @ vectors)
+        return np.asarray((self.matrix.T if isinstance(self.matrix, np.ndarray) else self.matrix) @ vectors)
 
     def effect(self, which: IntArray, sizes: FloatArray) -> FloatArray:
         """(n,) what errors of some sizes add together."""
         if isinstance(self.matrix, np.ndarray):
             return np.asarray(self.matrix[:, which] @ sizes)
-        return self._each.some(which).T @ sizes
+        return self._each.some(which).transposed_times(sizes)
 
     def some(self, which: IntArray) -> FloatArray:
         """(n, m) some of them."""
@@ -76,20 +78,26 @@ class Columns:
     @property
     def at_a_time(self) -> int:
         """How many are solved for together: as many as a matrix over all equations has room for."""
-        return max(1, min(CHUNK, _NUMBERS // max(int(self.matrix.shape[0]), 1)))
+        n = int(self.matrix.shape[0 if isinstance(self.matrix, np.ndarray) else 1])
+        return max(1, min(CHUNK, _NUMBERS // max(n, 1)))
 
-    def through(self, linear: Linear, which: IntArray) -> FloatArray:
-        """(u, m) A' times some of them."""
-        if isinstance(self.matrix, np.ndarray):
-            return np.ascontiguousarray(linear.rows.T @ self.matrix[:, which])
-        return _through(linear, self._each.some(which))
+    def lost(self, linear: Linear, which: IntArray) -> FloatArray:
+        """(m,) what the unknowns take of the squares of some of them: C' A Q A' C of each."""
+        if linear.forms is not None and not isinstance(self.matrix, np.ndarray):
+            return linear.forms(self._each.some(which) @ cast("Sparse", linear.rows))
+        result = np.empty(len(which))
+        for first in range(0, len(which), self.at_a_time):
+            through = linear.back(self.some(which[first : first + self.at_a_time]))
+            solved = linear.solve(through) if len(through) else through
+            result[first : first + self.at_a_time] = np.einsum("ij,ij->j", through, solved)
+        return result
 
     def weights_apart(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, as if its equations had no unknowns in common."""
         shares = 1.0 - linear.taken.diagonal()
         if isinstance(self.matrix, np.ndarray):
             return np.asarray(shares @ self.matrix**2)
-        return self._each.dots((self.matrix.scaled(shares)).T)
+        return self._each.dots(self._each.with_columns_scaled(shares))
 
     def first_weights(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, where it costs little; NaN of those that a solve each would take."""
@@ -149,11 +157,11 @@ class Columns:
 
     def _ways(self, linear: Linear, q: int, sets: IntArray) -> list[tuple[IntArray, Lost]]:
         """Sets by how what the unknowns take of their columns is found."""
-        rows, cofactors, taken = (cast("Sparse", m) for m in (linear.rows, linear.cofactors, linear.taken))
+        rows, taken = cast("Sparse", linear.rows), cast("Sparse", linear.taken)
 
         def locally(flat: Sparse) -> FloatArray:
             through = flat @ rows
-            return _inner(through, through @ cofactors, q)
+            return _inner(through, through @ cast("Sparse", linear.cofactors), q)
 
         def exactly(flat: Sparse) -> FloatArray:
             through = _through(linear, flat)

@@ -8,10 +8,12 @@ it large, where the place is near the solution without the error: A and v0 are t
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.clusters import whitening_of
 from obseq.leastsquares.sparse import Sparse, on_diagonal, stacked, symmetric
@@ -37,38 +39,49 @@ class Linear:
         residuals: (n,) v0, whitened: computed minus observed over sigmas.
         rows: (n, u) A, whitened.
         whitening: (n, n) from residuals in their units to whitened ones.
-        cofactors: (u, u) Q on the pattern of the normal matrix.
+        inverse: Gives (u, u) Q on the pattern of the normal matrix, which few tests ask for.
         taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored;
             dense where A is.
         solve: Q times right-hand sides (u,) or (u, k).
         redundancy: Degrees of freedom.
+        forms: b Q b' (k,) of the rows b of a sparse matrix (k, u); by solves when None.
     """
 
     residuals: FloatArray
     rows: Sparse | FloatArray
     whitening: Sparse | FloatArray
-    cofactors: Sparse | FloatArray
+    inverse: Callable[[], Sparse | FloatArray]
     taken: Sparse | FloatArray
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
+    forms: Callable[[Sparse], FloatArray] | None = None
 
     @property
     def n(self) -> int:
         """How many equations there are."""
         return len(self.residuals)
 
+    @cached_property
+    def cofactors(self) -> Sparse | FloatArray:
+        """(u, u) Q on the pattern of the normal matrix."""
+        return self.inverse()
+
+    def back(self, vectors: FloatArray) -> FloatArray:
+        """(u,) or (u, k) A' times vectors (n,) or (n, k)."""
+        if isinstance(self.rows, np.ndarray):
+            return np.ascontiguousarray(self.rows.T @ vectors)
+        return self.rows.transposed_times(vectors)
+
     def left(self, vectors: FloatArray) -> FloatArray:
         """R times vectors (n,) or (n, k): what the unknowns do not take of them."""
         if not self.rows.shape[1]:
             return vectors
         if vectors.ndim == 1:
-            return np.asarray(vectors - self.rows @ self.solve(self.rows.T @ vectors))
+            return np.asarray(vectors - self.rows @ self.solve(self.back(vectors)))
         result = np.empty_like(vectors)
         for first in range(0, vectors.shape[1], _AT_A_TIME):
             part = vectors[:, first : first + _AT_A_TIME]
-            result[:, first : first + _AT_A_TIME] = part - self.rows @ self.solve(
-                np.ascontiguousarray(self.rows.T @ part)
-            )
+            result[:, first : first + _AT_A_TIME] = part - self.rows @ self.solve(self.back(part))
         return result
 
 
@@ -94,10 +107,11 @@ def linearised(
         np.concatenate([root @ one.ravel() for root, one in zip(roots, raw, strict=True)]),
         stacked([state.cluster_rows(batch) for batch in batches]),
         on_diagonal(roots),
-        symmetric(state.equations.pattern, state.cofactors.values),
+        partial(symmetric, state.equations.pattern, state.cofactors.values),
         on_diagonal([taken_of(state, batch) for batch in batches]),
         state.solve,
         result.redundancy,
+        state.quadratic_forms,
     )
 
 
@@ -140,7 +154,7 @@ def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Ba
         weights * np.concatenate([one.ravel() for one in raw]),
         matrix,
         np.diag(weights),
-        cofactors,
+        lambda: cofactors,
         np.diag(np.einsum("ij,ij->i", matrix @ cofactors, matrix)),
         state.solve,
         result.redundancy,
@@ -154,7 +168,8 @@ def _of_nothing(result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
     residuals = [root @ one for root, one in zip(roots, raw, strict=True)]
     values = np.concatenate([np.zeros(0), *residuals])
     none, nothing = Sparse.of_dense(np.zeros((len(values), 0))), Sparse.of_diagonal(np.zeros(len(values)))
-    return Linear(values, none, on_diagonal(roots), on_diagonal([]), nothing, np.asarray, result.redundancy)
+    empty = partial(on_diagonal, [])
+    return Linear(values, none, on_diagonal(roots), empty, nothing, np.asarray, result.redundancy)
 
 
 def taken_of(state: FinalState, batch: Batch) -> Sparse:

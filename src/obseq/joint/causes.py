@@ -149,7 +149,7 @@ class JointModel:
         result = self._solve(0, TOLERANCE, covariance=True)
         linear = linearised(self._system, result, self._batches)
         linear = with_priors(linear, self._system, result, self._priors)
-        changed = cast("Sparse", linear.whitening).scaled(np.full(self._n, -1.0))
+        changed = cast("Sparse", linear.whitening).T.scaled(np.full(self._n, -1.0))
         return linear, Columns(changed, np.ones(self._n, np.bool_))
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:

@@ -110,6 +110,17 @@ class Sparse:
         multiply(*self._arrays(), flat, result)
         return result[:, 0] if other.ndim == 1 else result
 
+    def transposed_times(self, other: FloatArray) -> FloatArray:
+        """The product of its transpose, which is not made, with a plain matrix (n,) or (n, m)."""
+        flat = np.ascontiguousarray(other[:, None] if other.ndim == 1 else other)
+        result = np.zeros((self.shape[1], flat.shape[1]))
+        multiply_transposed(*self._arrays(), flat, result)
+        return result[:, 0] if other.ndim == 1 else result
+
+    def with_columns_scaled(self, factors: FloatArray) -> Sparse:
+        """Its columns times factors (k,)."""
+        return Sparse(self.values * factors[self.columns], self.columns, self.starts, self.shape[1])
+
     def _arrays(self) -> tuple[FloatArray, IndexArray, IntArray]:
         return self.values, self.columns, self.starts
 
@@ -232,6 +243,18 @@ def multiply(
             value, column = values[at], columns[at]
             for k in range(other.shape[1]):
                 result[row, k] += value * other[column, k]
+
+
+@compiled
+def multiply_transposed(
+    values: FloatArray, columns: IndexArray, starts: IntArray, other: FloatRows, result: FloatRows
+) -> None:
+    """Adds the product of the transpose with a plain matrix."""
+    for row in range(len(starts) - 1):
+        for at in range(starts[row], starts[row + 1]):
+            value, column = values[at], columns[at]
+            for k in range(other.shape[1]):
+                result[column, k] += value * other[row, k]
 
 
 @compiled

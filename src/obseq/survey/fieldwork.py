@@ -225,8 +225,8 @@ class Fieldwork:
         self, computation: Computation, *, strict: bool, start: InitialValues | None = None
     ) -> Adjustment:
         """Adjusts with the known coordinates, or the datum, that the points have."""
-        from obseq.survey.causes.mirrored import mirror_warning
-        from obseq.survey.causes.odd_sigmas import odd_sigmas
+        from obseq.survey.diagnosing.mirrored import mirror_warning
+        from obseq.survey.diagnosing.odd_sigmas import odd_sigmas
 
         with computation.watch.phase("initial values"), computation.watch.counted("initial values"):
             self._check_datum()
@@ -327,7 +327,7 @@ class Fieldwork:
     ) -> Snooped:
         """What is wrong with an adjustment, undecided where that fails; what snooping leaves out of it."""
         wanted = computation.quality
-        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed")
+        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the search failed or was interrupted")
 
         def found() -> Snooped:
             search = partial(self._recorded, model, told=computation.watch.progress)
@@ -335,7 +335,7 @@ class Fieldwork:
                 return Snooped(search(), POLICY)
             return snooped(search, wanted, adjustment)
 
-        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
+        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY), ends=True)
 
     def _without(
         self, found: Computed, model: NetworkModel, out: Snooped, computation: Computation

@@ -80,8 +80,8 @@ class Catalogue:
         alone = (cast("Sparse", linear.whitening) @ self._mixtures()).scaled(np.full(linear.n, -1.0))
         parameters = [self._of_parameter(linear, k) for k in range(len(self.numbering.parameters))]
         own = Sparse.of_dense(np.reshape(parameters, (-1, linear.n)))
-        made = stacked([alone.T, own, self._of_held(linear).T]).T
-        return Columns(made, np.arange(made.shape[1]) < linear.n)
+        made = stacked([alone.T, own, self._of_held(linear).T])
+        return Columns(made, np.arange(made.shape[0]) < linear.n)
 
     def _mixtures(self) -> Sparse:
         """(n, n) from errors of observations to those of equations: coordinates may be whitened already."""

@@ -57,8 +57,8 @@ class Grouping:
 
 
 def _scattered(numbers: IntArray) -> KeyArray:
-    """(n,) each of some numbers scattered over 64 bits: SplitMix64 (Steele, Lea, Flood 2014)."""
-    found = numbers.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    """(n,) each of some numbers scattered over 64 bits, none to 0: SplitMix64 (Steele, Lea, Flood 2014)."""
+    found = (numbers.astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         found = (found ^ (found >> np.uint64(shift))) * np.uint64(factor)
     return found ^ (found >> np.uint64(31))
