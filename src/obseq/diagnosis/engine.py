@@ -37,6 +37,20 @@ def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = N
     return search.at_first() or search.patiently()
 
 
+def noise(model: Model[Place]) -> float:
+    """The variance factor of most observations at a robust place, whatever the others are; 0 for none.
+
+    From the median of their tests, over that of chi-square (Wilson and Hilferty 1931).
+    """
+    hypotheses, (linear, columns) = model.hypotheses, model.linearised(model.robust(), ())
+    tests = LinearTests(linear, columns, hypotheses, POLICY)
+    found = tests.tests(tests.given(()), blocks=False)
+    seen = hypotheses.is_start & (found.statistic > 0.0)
+    statistic, degrees = found.statistic[seen], found.noise[seen]
+    middle = degrees * (1.0 - 2.0 / (9.0 * degrees)) ** 3
+    return float(np.median(statistic / middle)) if seen.any() else 0.0
+
+
 class Search(Generic[Place]):
     """One diagnosis: what it has spent, and what it found."""
 
