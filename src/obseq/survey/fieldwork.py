@@ -326,7 +326,7 @@ class Fieldwork:
     def _judged(self, model: NetworkModel, computation: Computation, boundary: Boundary) -> Snooped:
         """What is wrong with an adjustment, undecided where that fails; what snooping leaves out of it."""
         wanted = computation.quality
-        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed")
+        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the search failed or was interrupted")
 
         def found() -> Snooped:
             search = partial(self._recorded, model, told=computation.watch.progress)
@@ -334,7 +334,7 @@ class Fieldwork:
                 return Snooped(search(), POLICY)
             return snooped(search, wanted, lambda: noise(model))
 
-        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
+        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY), ends=True)
 
     def _without(
         self, found: Computed, model: NetworkModel, out: Snooped, computation: Computation
