@@ -32,7 +32,8 @@ RADII = np.array([2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0])
 FARTHEST = 34.0
 """Pixels to the edge of the largest disc of a level; larger ones are found at the next."""
 LIKELY = 0.8
-"""Share of the grey variance that a disc explains at least, fitted roughly, before its code is looked at."""
+"""Share of the grey variance that a disc explains at least, fitted roughly, before its code is looked at.
+Those of targets of 20 pixels and more, up to a tilt of 70 degrees, explain 0.82 to 1 (bench)."""
 MOST = 40000
 """Candidates of a tile at most."""
 
