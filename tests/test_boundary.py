@@ -12,9 +12,10 @@ import obseq.images.output.page as block_page
 import obseq.images.output.record as block_record
 import obseq.report.formats as formats
 import obseq.survey.fieldwork as fieldwork
-from obseq.boundary import Boundary
+from obseq.boundary import Boundary, interruptions_end_searches
 from obseq.cli.main import main
 from obseq.images.output.clouds import pose_table
+from obseq.report.findings import NOT_JUDGED
 
 sys.path.insert(0, str(Path(__file__).parent / "images"))
 import scenes
@@ -37,6 +38,13 @@ def test_an_interruption_goes_through_and_a_failure_says_where_it_was():
     )
     with pytest.raises(KeyboardInterrupt):
         boundary.attempt("this", interrupted, 4)
+    with pytest.raises(KeyboardInterrupt):
+        boundary.attempt("the search", interrupted, 4, ends=True)
+    with interruptions_end_searches():
+        assert boundary.attempt("the search", interrupted, 4, ends=True) == 4
+        with pytest.raises(KeyboardInterrupt):
+            boundary.attempt("this", interrupted, 4)
+    assert boundary.failures[-1].startswith("the search was interrupted")
 
 
 @pytest.fixture
@@ -70,14 +78,24 @@ def _points(path):
 def test_a_network_is_written_when_its_diagnosis_fails(network, monkeypatch, capsys, module, name, what):
     command, folder = network
     main([*command, f"--json={folder / 'right.json'}"])
+    capsys.readouterr()
     monkeypatch.setattr(module, name, _fails)
     assert main([*command, f"--json={folder / 'found.json'}", f"--html={folder / 'found.html'}"]) == 1
     right, found = _points(folder / "right.json")[0], _points(folder / "found.json")[0]
     assert right == found
     (failure, *_) = _points(folder / "found.json")[1]["failures"]
     assert what in failure and "a defect that was planted" in failure
-    assert "a defect that was planted" in capsys.readouterr().out
+    _is_told_first(capsys.readouterr().out, what)
     assert "a defect that was planted" in (folder / "found.html").read_text()
+
+
+def _is_told_first(summary, what):
+    """The verdict says that something was not judged, and the first finding what."""
+    lines = [" ".join(line.split()) for line in summary.splitlines()]
+    assert lines[1] == NOT_JUDGED
+    first = next(k for k, line in enumerate(lines) if line.startswith("Look at first")) + 1
+    assert lines[first].startswith(f"Not judged: {what} failed: ZeroDivisionError")
+    assert summary.count("a defect that was planted") == 1
 
 
 def test_a_network_is_written_when_a_page_fails(network, monkeypatch, capsys):
@@ -139,4 +157,6 @@ def test_a_block_is_written_when_what_explains_it_fails(block, monkeypatch, caps
     shown = capsys.readouterr().out
     told = " ".join(shown.split()).replace(f"{folder}/", "")
     assert f"{what} failed: ZeroDivisionError: a defect that was planted" in told
+    if name == "diagnosed":
+        _is_told_first(shown, what)
     assert (folder / "block.html").exists() == (name != "page")

@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.markers import Marker
 from packaging.requirements import Requirement
 from packaging.tags import sys_tags
 from packaging.utils import canonicalize_name, parse_wheel_filename
@@ -57,12 +58,13 @@ def folder_of(package: str) -> Path:
 
 
 def pins(level: str) -> dict[str, str]:
-    """Name and version of everything that a level installs."""
+    """Name and version of everything that a level installs here."""
     found = {}
     for line in (ROOT / "requirements" / f"{level}.txt").read_text(encoding="utf-8").splitlines():
         if line.startswith("-r "):
             found |= pins(line.removeprefix("-r ").removesuffix(".txt"))
-        elif match := re.match(r"([\w.-]+)==(\S+)", line):
+        match = re.match(r"([\w.-]+)==(\S+)(?: ; ([^\\]+))?", line)
+        if match and (match[3] is None or Marker(match[3]).evaluate()):
             found[match[1]] = match[2]
     return found
 

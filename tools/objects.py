@@ -58,6 +58,7 @@ LOOPS = {
     ),
     "obseq.leastsquares.loops.sorting": ("count_numbers", "number_pairs", "put_in_order"),
     "obseq.leastsquares.loops.shares": ("add_copies", "divert"),
+    "obseq.leastsquares.sparse": ("count_products", "multiply", "multiply_rows", "write_products"),
     "obseq.leastsquares.solvers.dense_loops": (
         "factor_columns",
         "invert_small",

@@ -26,7 +26,7 @@ def test_the_panel_is_adjusted_as_on_paper(panel, shared_data, capsys, spelling)
     data = json.loads((shared_data / "mmvii-bundle-panel/expected.json").read_text())
     expected = data["independent_adjustments"]["gcp_sigma1_image05"]
     words = ["bundle-adjust", ".*", "Resec", "Mine", *spelling, f"--project={panel}"]
-    assert main([*words, f"--json={panel / 'r.json'}"]) == 0
+    assert main([*words, f"--json={panel / 'r.json'}", "-v", "--show", "images"]) == 0
     record = json.loads((panel / "r.json").read_text())
     assert record["sigma0"] == pytest.approx(expected["sigma0"], rel=1e-7)
     poses, cameras = read_orientation(panel / "MMVII-PhgrProj/Ori/Mine")
@@ -37,7 +37,11 @@ def test_the_panel_is_adjusted_as_on_paper(panel, shared_data, capsys, spelling)
     assert (panel / "MMVII-PhgrProj/ObjCoordWorld/New/MesGCP-NewGCP.xml").is_file() == (
         "New" in str(spelling)
     )
-    assert "NOT CONVERGED" not in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "NOT CONVERGED" not in told
+    assert "\nImages\n" in told and "Seconds: read " in told
+    assert main([*words, "--show", "stars"]) == 2  # nothing is read for a table that there is not
+    assert "there is no such table; there are residuals, measures, points, images" in capsys.readouterr().err
 
 
 def test_measures_weigh_by_the_covariances_of_their_files_when_asked(panel, capsys):

@@ -32,6 +32,20 @@ def test_every_command_is_in_the_help_once_or_named_as_later(capsys: pytest.Capt
     assert f"  and {len(LATER)} more: obseq help mmvii" in lines
 
 
+RESULTS = "adjust demo plan compare bundle report topo-adjust bundle-adjust"
+"""Commands that print a summary."""
+
+
+@pytest.mark.parametrize("name", RESULTS.split())
+def test_every_summary_can_be_brief_or_long_or_with_tables(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = helped(
+        [name, "--help-all" if name in ("adjust", "plan", "compare", "bundle") else "--help"], capsys
+    )
+    assert all(option in text for option in ("--quiet", "--verbose", "--show TABLE"))
+
+
 @pytest.mark.parametrize("name", ["adjust", "plan", "compare", "bundle"])
 def test_help_is_a_screen_with_three_examples_and_help_all_has_the_rest(
     name: str, capsys: pytest.CaptureFixture[str]

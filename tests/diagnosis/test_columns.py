@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import block_diag, csc_array, csr_array, identity
 
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
@@ -12,6 +11,7 @@ from obseq.diagnosis.linear import Linear
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.selection import equals, exchanged, gains, inside, kept, merged, select
+from obseq.leastsquares.sparse import Sparse
 
 N, U = 24, 5
 PAIRS = [np.array([2 * k, 2 * k + 1]) for k in range(N // 2)]
@@ -25,10 +25,10 @@ def rows():
 def linear_of(rows, residuals):
     """Observations of two equations each."""
     cofactors = np.linalg.inv(rows.T @ rows)
-    taken = csr_array(block_diag([rows[pair] @ cofactors @ rows[pair].T for pair in PAIRS], format="csr"))
-    solve = cofactors.__matmul__
+    taken = Sparse.of_blocks(np.array([rows[pair] @ cofactors @ rows[pair].T for pair in PAIRS]))
+    solve, unit = cofactors.__matmul__, Sparse.of_diagonal(np.ones(N))
     return Linear(
-        residuals, csr_array(rows), csr_array(identity(N)), csc_array(cofactors), taken, solve, N - U
+        residuals, Sparse.of_dense(rows), unit, lambda: Sparse.of_dense(cofactors), taken, solve, N - U
     )
 
 
@@ -51,7 +51,7 @@ def mixed_columns():
 @pytest.mark.parametrize("is_local", [True, False])
 def test_products_are_those_of_dense_matrices_whichever_way_they_are_found(rows, is_local):
     dense = mixed_columns()
-    columns = Columns(csc_array(dense), np.full(8, is_local))
+    columns = Columns(Sparse.of_dense(dense.T), np.full(8, is_local))
     linear = linear_of(rows, np.zeros(N))
     sets = np.array([[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [7, 4]])
     found = columns.grams(linear, sets)
@@ -62,9 +62,9 @@ def test_products_are_those_of_dense_matrices_whichever_way_they_are_found(rows,
 def test_weights_that_cost_little_are_right_and_the_others_are_left_open(rows):
     dense = mixed_columns()
     linear, wanted = linear_of(rows, np.zeros(N)), np.diag(dense.T @ left_of(rows) @ dense)
-    local = Columns(csc_array(dense), np.ones(8, bool)).first_weights(linear)
+    local = Columns(Sparse.of_dense(dense.T), np.ones(8, bool)).first_weights(linear)
     assert local == pytest.approx(wanted, abs=1e-12)
-    far = Columns(csc_array(dense), np.zeros(8, bool)).first_weights(linear)
+    far = Columns(Sparse.of_dense(dense.T), np.zeros(8, bool)).first_weights(linear)
     assert np.flatnonzero(np.isnan(far)).tolist() == [4, 5]
     seen = ~np.isnan(far)
     assert far[seen] == pytest.approx(wanted[seen], abs=1e-12)
@@ -74,9 +74,9 @@ def test_plain_arrays_give_the_same_products(rows):
     dense = mixed_columns()
     plain, linear = Columns(dense, np.ones(8, bool)), linear_of(rows, np.zeros(N))
     sets = np.array([[0, 1], [4, 5]])
-    sparse = Columns(csc_array(dense), np.ones(8, bool))
+    sparse = Columns(Sparse.of_dense(dense.T), np.ones(8, bool))
     dense_rows = Linear(
-        linear.residuals, rows, np.eye(N), np.eye(U), linear.taken, linear.solve, linear.redundancy
+        linear.residuals, rows, np.eye(N), lambda: np.eye(U), linear.taken, linear.solve, linear.redundancy
     )
     assert plain.grams(dense_rows, sets) == pytest.approx(sparse.grams(linear, sets))
     assert plain.first_weights(dense_rows) == pytest.approx(sparse.first_weights(linear))
@@ -99,7 +99,7 @@ def weighed(rows, residuals, **policy):
             Family("T3", np.array([0, 8]), np.arange(8), rarity=5.0, is_block=True),
         ]
     )
-    columns = Columns(csc_array(-np.eye(N)), np.ones(N, bool))
+    columns = Columns(Sparse.of_dense(-np.eye(N)), np.ones(N, bool))
     return LinearTests(linear_of(rows, residuals), columns, hypotheses, replace(POLICY, **policy))
 
 

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, identity
 
 from obseq.diagnosis.columns import Columns
-from obseq.diagnosis.engine import Search, diagnose
+from obseq.diagnosis.engine import Search, diagnose, noise
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear import Linear, diagonal
+from obseq.diagnosis.linear import Linear
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Slip
 from obseq.diagnosis.verdict import Status
+from obseq.leastsquares.sparse import Sparse
 from obseq.records.diagnosis import DiagnosisRecord
 
 Array = NDArray[np.float64]
@@ -70,14 +70,14 @@ class Linearly:
         leverages = np.einsum("ij,jk,ik->i", self.matrix, inverse, self.matrix)
         linear = Linear(
             self.observed + self.matrix @ place,
-            csr_array(self.matrix),
-            csr_array(identity(N)),
-            csc_array(inverse),
-            diagonal(leverages),
+            Sparse.of_dense(self.matrix),
+            Sparse.of_diagonal(np.ones(N)),
+            lambda: Sparse.of_dense(inverse),
+            Sparse.of_diagonal(leverages),
             lambda right: inverse @ right,
             N - U,
         )
-        return linear, Columns(csc_array(columns()), np.arange(N + 1) < N)
+        return linear, Columns(Sparse.of_dense(columns().T), np.arange(N + 1) < N)
 
     def adjusted(self, place: Array, changes: Sequence[Change]) -> tuple[Array, bool, int]:
         self.adjustments += 1
@@ -376,3 +376,12 @@ def test_a_variance_factor_scales_tests_and_standard_deviations_and_no_size() ->
     np.testing.assert_allclose(loose.change.size, plain.change.size, rtol=1e-9)
     np.testing.assert_allclose(loose.change.sigma, 2.0 * plain.change.sigma, rtol=1e-9)
     assert not diagnose(Linearly(matrix, noise), replace(POLICY, variance=900.0)).accused
+
+
+@pytest.mark.parametrize("factor", [0.1, 7.0])
+def test_the_noise_of_most_equations_is_known_whatever_the_others_are(factor: float) -> None:
+    matrix, errors = rows_of(3)
+    errors *= factor
+    errors[[4, 9]] += 1000.0 * factor
+    found = noise(Linearly(matrix, errors))
+    assert 0.3 * factor**2 < found < 3.0 * factor**2

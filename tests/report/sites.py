@@ -4,6 +4,7 @@ import importlib.util
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from obseq.images.output.record import record_of
 from obseq.report import compared, planned
 from obseq.report.head import Page
 from obseq.report.page import adjustment_page
-from obseq.survey import Network, Quality, compare, plan, simulate
+from obseq.survey import Datum, Network, Quality, compare, plan, simulate
 
 REACH = 100.0
 """Metres from an instrument to what it sees."""
@@ -51,18 +52,42 @@ def spoilt(network: Network, seed: int = 1) -> Network:
 
 def flight() -> Page:
     """The page of a block with positions, a rolling shutter and check points."""
-    path = Path(__file__).parents[1] / "images" / "flights.py"
-    spec = importlib.util.spec_from_file_location("flights", path)
+    return shown_block(
+        record_of(module_of("images/flights.py").flight(n_points=200, noise=0.4).block.solve())
+    )
+
+
+def module_of(name: str) -> ModuleType:
+    """Another module of the tests."""
+    path = Path(__file__).parents[1] / name
+    spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
-    flights = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(flights)
-    return shown_block(record_of(flights.flight(n_points=200, noise=0.4).block.solve()))
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+def levelled(folder: Path) -> Network:
+    """A levelling of points whose plan nobody knows: it is drawn as a scheme."""
+    heights, chance = {"A": 0.0, "B": 1.2, "C": 3.1, "D": 2.4, "E": -0.7}, np.random.default_rng(1)
+    pairs = ["AB", "BC", "CD", "DE", "EA", "AC", "BD"]
+    values = [heights[b] - heights[a] + 0.001 * chance.standard_normal() for a, b in pairs]
+    lines = [f"4 {a} {b} {value:.4f} 0.001" for (a, b), value in zip(pairs, values, strict=True)]
+    points = ["5 A 0 0 0 0.001", *(f"4 {name} 0 0 0" for name in "BCDE")]
+    (folder / "level.obs").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / "level.cor").write_text("\n".join(points) + "\n", encoding="utf-8")
+    return Network.read(folder / "level.obs", folder / "level.cor")
 
 
 def page_of(kind: str, folder: Path) -> Page:
     """The page of a kind of result."""
     if kind == "block":
         return flight()
+    if kind == "whole":
+        figure = module_of("joint/test_record.py")._figure(folder, images=True)
+        return adjustment_page(figure.solve().record("Survey and images"))
+    if kind == "levelling":
+        return adjustment_page(levelled(folder).adjust().record("Levelling"))
     site = grid(folder, 32 if kind == "thousand" else 5)
     if kind == "plan":
         return planned.shown(plan(site).record())
@@ -74,5 +99,7 @@ def page_of(kind: str, folder: Path) -> Page:
             simulate(one, seed).adjust() for one, seed in ((site, 1), (simulate(later, noise=False), 2))
         ]
         return compared.shown(compare(*epochs).record())
+    if kind == "free":
+        return adjustment_page(simulate(site, 1).adjust(datum=Datum("inner")).record("Free"))
     quality = Quality(ellipses=0.95)
     return adjustment_page(spoilt(site).adjust(quality=quality).record("Site network"))

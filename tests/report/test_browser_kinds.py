@@ -25,7 +25,7 @@ KEYS = (
 
 @pytest.fixture(
     scope="module",
-    params=["site", pytest.param("thousand", marks=pytest.mark.slow), "plan", "comparison", "block"],
+    params=["site", "thousand", "plan", "comparison", "block", "whole", "levelling", "free"],
 )
 def path(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
@@ -53,8 +53,27 @@ def test_nothing_keeps_anybody_out(path, width, browser, seen) -> None:
 
 
 def test_names_stand_apart_and_ellipses_within(path, browser) -> None:
+    """In each view that the page offers."""
     browsing.opened(browser, path)
-    browsing.check_drawing(browser)
+    views = browser.execute_script("return (page.content.plan.views ?? []).length")
+    assert (views == 2) is (path.stem == "block")
+    for k in range(max(views, 1)):
+        browser.execute_script("if (arguments[1]) page.view(page.content.plan.views[arguments[0]])", k, views)
+        browsing.check_drawing(browser)
+
+
+@pytest.mark.parametrize("path", ["block"], indirect=True)
+def test_an_arrow_far_beyond_the_others_is_short_and_says_so(path, browser) -> None:
+    """One gross error neither makes the others invisible nor leaves its frame."""
+    browsing.opened(browser, path)
+    far, told = browser.execute_script(
+        "const content = structuredClone(page.content.sections[0].charts[0]);"
+        "content.dx[0] = 500; content.suspected = [0]; const figure = imageFrame(content);"
+        "const d = figure.querySelector('path.arrow').getAttribute('d');"
+        "const [x, y, to] = d.match(/-?[\\d.]+/g).map(Number);"
+        "return [Math.abs(to - x), figure.textContent]"
+    )
+    assert 60.0 < far < 67.0 and "are drawn shorter" in told
 
 
 def test_keys_lead_from_the_verdict_to_a_row(path, browser) -> None:
@@ -80,9 +99,9 @@ def test_a_next_step_is_copied(path, browser) -> None:
     assert steps or path.stem not in ("site", "thousand")
 
 
+@pytest.mark.parametrize("path", ["site"], indirect=True)
 def test_paper_is_short(path, browser) -> None:
-    if path.stem != "site":
-        pytest.skip("the design states the sheets of a site of 25 points")
+    """As the design states for 25 points."""
     browsing.opened(browser, path)
     browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
     pdf = browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"]

@@ -252,7 +252,7 @@ def against_pardiso(
     """Refactorisation and solution of the same matrix, in turn: medians, and median ratios."""
     import numpy as np
 
-    from obseq.leastsquares.solvers.pardiso import Pardiso
+    from obseq.leastsquares.solvers.outside.pardiso import Pardiso
 
     other, clock, right = Pardiso(), Clock(), np.ones(equations.pattern.n)
     with clock.phase("analyse"):

@@ -140,8 +140,8 @@ PROBLEMS: dict[str, Callable[[], tuple[Any, Any]]] = {
 def solvers_for(n: int, options: argparse.Namespace) -> dict[str, Solver]:
     """Ours first, then the witnesses that are there."""
     from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
-    from obseq.leastsquares.solvers.pardiso import Pardiso
-    from obseq.leastsquares.solvers.superlu import SuperLU
+    from obseq.leastsquares.solvers.outside.pardiso import Pardiso
+    from obseq.leastsquares.solvers.outside.superlu import SuperLU
 
     chosen: dict[str, Solver] = {OURS: SupernodalCholesky(ordering=options.ordering, threads=options.threads)}
     if find_spec("pypardiso") is not None:

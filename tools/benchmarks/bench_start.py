@@ -1,7 +1,8 @@
 """CPU time of a network as a process, files to results, against `python -c "import numpy"`: medians of turns.
 
 The network of four points is local; the one of a thousand points is made (`make_network.py`), in Lambert 93,
-and writes its result file. What is installed runs: from a source tree kernels come from the cache of numba.
+and writes its result file. What is installed runs: from a source tree kernels come from the cache of numba;
+`--python` takes that of an environment with the wheel.
 
     python tools/benchmarks/bench_start.py [--rounds N] [--json FILE]
 """
@@ -44,14 +45,14 @@ def seconds(command: list[str]) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def commands(folder: Path) -> dict[str, list[str]]:
+def commands(folder: Path, python: str = sys.executable) -> dict[str, list[str]]:
     """What is timed, its files written to a folder."""
     (folder / "four.obs").write_text(FOUR)
     (folder / "four.cor").write_text(POINTS)
     maker = str(Path(__file__).with_name("make_network.py"))
     size = ["--points", "1000", "--observations", "6000"]
     subprocess.run([sys.executable, maker, *size, "--out", str(folder)], check=True, capture_output=True)
-    adjust = [sys.executable, "-m", "obseq", "adjust"]
+    adjust = [python, "-m", "obseq", "adjust"]
     files = [str(folder / name) for name in ("four.obs", "four.cor", "network.obs", "network.cor")]
     return {
         "4 points": [*adjust, *files[:2]],
@@ -63,10 +64,12 @@ def main() -> None:
     """Reads the command line, benches, prints the times of `import numpy` that each takes."""
     parser = command_line(__doc__)
     parser.add_argument("--rounds", type=int, default=11)
+    parser.add_argument("--python", default=sys.executable, metavar="FILE", help="the one that is timed")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        timed = {"numpy": [sys.executable, "-c", "import numpy"]} | commands(Path(folder))
+        python = arguments.python
+        timed = {"numpy": [python, "-c", "import numpy"]} | commands(Path(folder), python)
         rounds = [
             {what: seconds(command) for what, command in timed.items()} for _ in range(arguments.rounds)
         ]

@@ -211,9 +211,10 @@ def _columns(angle: float) -> str:
 
 
 def dynaml(folder: Path, n: int) -> list[Path]:
-    """DynaML, as we write it from the DNA files."""
+    """DynaML from the DNA files, in the layout of DynAdjust: one element a line."""
     write_dynaml(folder / "n.xml", Network.read_project(dna(folder, n)))
-    return [folder / "n.xml"]
+    packed = (folder / "n.xml").read_text()
+    return [written(folder / "n.xml", packed.replace("><", ">\n<").splitlines())]
 
 
 def sinex(folder: Path, n: int) -> list[Path]:

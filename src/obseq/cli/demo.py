@@ -7,7 +7,7 @@ from pathlib import Path
 from obseq.cli.networks.adjust import Request, adjust
 from obseq.cli.networks.network_files import Source
 from obseq.cli.parsing import Commands, add_command
-from obseq.cli.results import outputs_in
+from obseq.cli.results import add_detail, detail_of, outputs_in
 
 FRAME = "RTL*657700*6860700*0*IGNF:LAMB93"
 POINTS_CRS = "IGNF:LAMB93"
@@ -29,6 +29,7 @@ def register(commands: Commands) -> None:
         metavar="DIR",
         help="folder for the results (%(default)s)",
     )
+    add_detail(command)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -40,5 +41,6 @@ def run(arguments: argparse.Namespace) -> int:
                 Source([observations], [points], {"frame": FRAME, "points_crs": POINTS_CRS}),
                 {},
                 outputs_in(arguments.out),
+                detail=detail_of(arguments),
             )
         )

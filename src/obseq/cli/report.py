@@ -82,7 +82,7 @@ def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> 
     record = in_units(AdjustmentRecord.from_dict(plain, str(arguments.result)), arguments)
     check_writable([path for path, _ in outputs], map(Path, record.files or ()))
     record = write(record, outputs)
-    show_adjustment(record, outputs, detail_of(arguments))
+    show_adjustment(record, outputs, detail_of(arguments, ""))
     return 0 if record.is_complete else INCOMPLETE
 
 
@@ -104,7 +104,7 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
     }
     _write(texts, suiting(size, outputs))
     forget(size, outputs)
-    show(found, _paths(suiting(size, outputs)), detail_of(arguments))
+    show(found, _paths(suiting(size, outputs)), detail_of(arguments, ""))
     tell_not_written(size, outputs)
     return 0 if record.is_complete else INCOMPLETE
 
@@ -117,7 +117,7 @@ def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int
     record = _read(PlanRecord, plain, arguments)
     record = structs.replace(record, adjustment=in_units(record.adjustment, arguments))
     _write(texts_of(record), outputs)
-    show(outcome(record), _paths(outputs), detail_of(arguments))
+    show(outcome(record), _paths(outputs), detail_of(arguments, ""))
     return exit_code(record)
 
 
@@ -130,7 +130,7 @@ def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) 
     record = structs.replace(record, units=chosen_units(arguments.units, record.units))
     _write(texts_of(record), outputs)
     found = outcome(record)
-    show(found, _paths(outputs), detail_of(arguments))
+    show(found, _paths(outputs), detail_of(arguments, ""))
     return exit_code(found)
 
 

@@ -4,6 +4,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import METRIC, chosen_units
 from obseq.report import formats
 from obseq.report.formats import FORMATS, Format
-from obseq.report.summary import USUAL, Detail, told
+from obseq.report.summary import USUAL, Detail, check_shown, told
 from obseq.stopwatch import Progress, silent
 from obseq.writing import STANDARD_OUTPUT, write_all
 
@@ -132,12 +133,37 @@ def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None
     group.add_argument("--show", nargs="+", metavar="TABLE", default=(), help=purpose)
 
 
-def detail_of(arguments: argparse.Namespace) -> Detail:
-    """What the options say of it."""
+def detail_of(arguments: argparse.Namespace, kind: str = "adjustment") -> Detail:
+    """What the options say of it.
+
+    Args:
+        arguments: Of the command line.
+        kind: Of the result, which knows the tables that may be shown; "" where it is not known yet.
+
+    Raises:
+        InputError: Options contradict each other, or there is no such table.
+    """
+    if arguments.show and kind:
+        check_shown(_tables(kind), arguments.show)
     if arguments.quiet and (arguments.verbose or arguments.show):
         raise InputError("--quiet prints the verdict alone: leave out --verbose and --show")
     amount = "quiet" if arguments.quiet else "verbose" if arguments.verbose else "usual"
     return Detail(amount, tuple(arguments.show))
+
+
+def _tables(kind: str) -> tuple[str, ...]:
+    """The tables of all results of a kind."""
+    from obseq.report.content import TABLES
+
+    if kind == "plan":
+        from obseq.report.content_plan import PLAN_TABLES
+
+        return (*PLAN_TABLES, *TABLES)
+    if kind == "block":
+        from obseq.images.output.page_tables import TABLES as OF_BLOCKS
+
+        return tuple(OF_BLOCKS)
+    return ("displacements",) if kind == "comparison" else tuple(TABLES)
 
 
 def show(
@@ -151,6 +177,16 @@ def show(
     stream = _stream(paths)
     for line, level in told(outcome, [str(path) for path in paths], detail, seconds):
         print(coloured(line, level, stream), file=stream)
+
+
+@contextmanager
+def shown_anyway(show: Callable[[], None]) -> Iterator[None]:
+    """Where results cannot be written (a full disk), what was found is printed before the error."""
+    try:
+        yield
+    except InputError:
+        show()
+        raise
 
 
 def show_adjustment(

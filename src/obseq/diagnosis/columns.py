@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -11,13 +11,11 @@ from obseq.dataclass import dataclass
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scipy.sparse import csc_array
-
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
+    from obseq.leastsquares.sparse import Sparse
 
-    Matrix = Any  # dense or sparse: SciPy's operators are those of NumPy
-    Ways = Callable[[csc_array], tuple[Matrix, Matrix]]
+    Lost = Callable[[Sparse], FloatArray]
 
 _NONE, _SEVERAL = -1, -2
 """In place of the observation that a column changes: none, or more than one."""
@@ -35,81 +33,97 @@ class Columns:
     """What errors of one unit add to computed minus observed.
 
     Attributes:
-        matrix: (n, k), whitened.
+        matrix: (n, k) a plain array, whitened; where it is sparse, (k, n): each column is a row there.
         is_local: (k,) whether the unknowns of its equations are all joined in the normal matrix.
     """
 
-    matrix: csc_array | FloatArray
+    matrix: Sparse | FloatArray
     is_local: BoolArray
 
     def norms(self) -> FloatArray:
         """(k,) length of each."""
         if isinstance(self.matrix, np.ndarray):
             return np.asarray(np.sqrt(np.einsum("ij,ij->j", self.matrix, self.matrix)))
-        return np.asarray(np.sqrt(self.matrix.multiply(self.matrix).sum(axis=0))).ravel()
+        return np.sqrt(self._each.dots(self._each))
 
-    def scaled(self, lengths: FloatArray) -> Columns:
-        """The same divided by lengths (k,)."""
-        if isinstance(self.matrix, np.ndarray):
-            return Columns(self.matrix / lengths, self.is_local)
-        return Columns((self.matrix / lengths[None, :]).tocsc(), self.is_local)
+    @property
+    def _each(self) -> Sparse:
+        """(k, n) the columns of a sparse matrix, as rows."""
+        return cast("Sparse", self.matrix)
+
+    def scale(self, lengths: FloatArray) -> None:
+        """Divides them by lengths (k,), in place: those of a large network are not copied."""
+        matrix = self.matrix
+        if isinstance(matrix, np.ndarray):
+            matrix /= lengths
+        else:
+            matrix.values /= lengths.repeat(matrix.counts)
 
     def shown(self, vectors: FloatArray) -> FloatArray:
         """(k,) or (k, m) C' times vectors (n,) or (n, m)."""
-        return np.asarray(self.matrix.T @ vectors)
+        return np.asarray((self.matrix.T if isinstance(self.matrix, np.ndarray) else self.matrix) @ vectors)
 
     def effect(self, which: IntArray, sizes: FloatArray) -> FloatArray:
         """(n,) what errors of some sizes add together."""
-        return np.asarray(self.matrix[:, which] @ sizes)
+        if isinstance(self.matrix, np.ndarray):
+            return np.asarray(self.matrix[:, which] @ sizes)
+        return self._each.some(which).transposed_times(sizes)
 
     def some(self, which: IntArray) -> FloatArray:
         """(n, m) some of them."""
-        found = self.matrix[:, which]
-        return found if isinstance(found, np.ndarray) else np.asarray(found.toarray())
+        if isinstance(self.matrix, np.ndarray):
+            return self.matrix[:, which]
+        return self._each.some(which).toarray().T
 
     @property
     def at_a_time(self) -> int:
         """How many are solved for together: as many as a matrix over all equations has room for."""
-        return max(1, min(CHUNK, _NUMBERS // max(int(self.matrix.shape[0]), 1)))
+        n = int(self.matrix.shape[0 if isinstance(self.matrix, np.ndarray) else 1])
+        return max(1, min(CHUNK, _NUMBERS // max(n, 1)))
 
-    def through(self, linear: Linear, which: IntArray) -> FloatArray:
-        """(u, m) A' times some of them."""
-        found = linear.rows.T @ self.matrix[:, which]
-        return np.ascontiguousarray(found if isinstance(found, np.ndarray) else found.toarray())
+    def lost(self, linear: Linear, which: IntArray) -> FloatArray:
+        """(m,) what the unknowns take of the squares of some of them: C' A Q A' C of each."""
+        if linear.forms is not None and not isinstance(self.matrix, np.ndarray):
+            return linear.forms(self._each.some(which) @ cast("Sparse", linear.rows))
+        result = np.empty(len(which))
+        for first in range(0, len(which), self.at_a_time):
+            through = linear.back(self.some(which[first : first + self.at_a_time]))
+            solved = linear.solve(through) if len(through) else through
+            result[first : first + self.at_a_time] = np.einsum("ij,ij->j", through, solved)
+        return result
 
     def weights_apart(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, as if its equations had no unknowns in common."""
         shares = 1.0 - linear.taken.diagonal()
         if isinstance(self.matrix, np.ndarray):
             return np.asarray(shares @ self.matrix**2)
-        return np.asarray(self.matrix.multiply(self.matrix).T @ shares)
+        return self._each.dots(self._each.with_columns_scaled(shares))
 
     def first_weights(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, where it costs little; NaN of those that a solve each would take."""
         if isinstance(self.matrix, np.ndarray):
             lost = np.einsum("ij,ij->j", *self._through(linear))
             return np.asarray(np.where(self.matrix.any(axis=0), 1.0 - lost, 0.0))
-        matrix = cast("Matrix", self.matrix)
-        weights = np.where(np.diff(matrix.indptr) == 0, 0.0, np.nan)
-        units = self._units(linear)
+        each, units = self._each, self._units(linear)
+        weights = np.where(each.counts == 0, 0.0, np.nan)
         (within,) = np.nonzero(units >= 0)
-        own = matrix[:, within]
-        weights[within] = 1.0 - _sums(own, linear.taken @ own)
+        own = each.some(within)
+        weights[within] = 1.0 - own.dots(own @ cast("Sparse", linear.taken))
         (local,) = np.nonzero((units == _SEVERAL) & self.is_local)
         if local.size:
-            through = cast("Matrix", linear.rows).T @ matrix[:, local]
-            weights[local] = 1.0 - _sums(linear.cofactors @ through, through)
+            through = each.some(local) @ cast("Sparse", linear.rows)
+            weights[local] = 1.0 - through.dots(through @ cast("Sparse", linear.cofactors))
         return weights
 
     def _units(self, linear: Linear) -> IntArray:
         """(k,) first equation of the observation that a column changes; negative for several or none."""
-        matrix, taken = cast("Matrix", self.matrix), cast("Matrix", linear.taken)
-        first = taken.indices[taken.indptr[:-1]]
-        found = np.full(matrix.shape[1], _NONE)
-        (some,) = np.nonzero(np.diff(matrix.indptr))
+        each, taken = self._each, cast("Sparse", linear.taken)
+        first = taken.columns[taken.starts[:-1]]
+        found = np.full(each.shape[0], _NONE)
+        (some,) = np.nonzero(each.counts)
         if some.size:
-            owners = first[matrix.indices]
-            low, high = (f.reduceat(owners, matrix.indptr[some]) for f in (np.minimum, np.maximum))
+            owners = first[each.columns]
+            low, high = (f.reduceat(owners, each.starts[some]) for f in (np.minimum, np.maximum))
             found[some] = np.where(low == high, low, _SEVERAL)
         return found
 
@@ -132,55 +146,53 @@ class Columns:
             through, solved = self._through(linear)
             each = self.matrix[:, sets.ravel()].reshape(-1, g, q)
             before, after = (one[:, sets.ravel()].reshape(-1, g, q) for one in (through, solved))
-            lost: FloatArray = np.einsum("ugi,ugj->gij", before, after)
-            return np.asarray(np.einsum("ngi,ngj->gij", each, each) - lost)
+            taken: FloatArray = np.einsum("ugi,ugj->gij", before, after)
+            return np.asarray(np.einsum("ngi,ngj->gij", each, each) - taken)
         result = np.empty((g, q, q))
-        for which, taken in self._ways(linear, sets):
+        for which, lost in self._ways(linear, q, sets):
             for part in np.array_split(which, -(-len(which) * q // _AT_A_TIME)) if len(which) else ():
-                flat = cast("Matrix", self.matrix)[:, sets[part].ravel()]
-                result[part] = _inner(flat, flat, q) - _inner(*taken(flat), q)
+                flat = self._each.some(sets[part].ravel())
+                result[part] = _inner(flat, flat, q) - lost(flat)
         return result
 
-    def _ways(self, linear: Linear, sets: IntArray) -> list[tuple[IntArray, Ways]]:
-        """Sets by how what the unknowns take of them is found: vectors whose products with others it is."""
-        rows, cofactors = cast("Matrix", linear.rows), cast("Matrix", linear.cofactors)
+    def _ways(self, linear: Linear, q: int, sets: IntArray) -> list[tuple[IntArray, Lost]]:
+        """Sets by how what the unknowns take of their columns is found."""
+        rows, taken = cast("Sparse", linear.rows), cast("Sparse", linear.taken)
 
-        def locally(flat: csc_array) -> tuple[Matrix, Matrix]:
-            through = (rows.T @ flat).tocsc()
-            return through, (cofactors @ through).tocsc()
+        def locally(flat: Sparse) -> FloatArray:
+            through = flat @ rows
+            return _inner(through, through @ cast("Sparse", linear.cofactors), q)
 
-        def exactly(flat: csc_array) -> tuple[Matrix, Matrix]:
-            through = (rows.T @ flat).toarray()
-            return through, linear.solve(through)
+        def exactly(flat: Sparse) -> FloatArray:
+            through = _through(linear, flat)
+            before, after = (one.reshape(len(one), -1, q) for one in (through, linear.solve(through)))
+            return np.asarray(np.einsum("ugi,ugj->gij", before, after))
 
         is_within = self._are_within(linear, sets)
         is_local = ~is_within & self.is_local[sets].all(axis=1)
         return [
-            (np.flatnonzero(is_within), lambda flat: (flat, (linear.taken @ flat).tocsc())),
+            (np.flatnonzero(is_within), lambda flat: _inner(flat, flat @ taken, q)),
             (np.flatnonzero(is_local), locally),
             (np.flatnonzero(~is_within & ~is_local), exactly),
         ]
 
     def _through(self, linear: Linear) -> tuple[FloatArray, FloatArray]:
         """A' C, and Q A' C."""
-        through = np.asarray(linear.rows.T @ self.matrix)
+        through = np.asarray(linear.rows.T @ cast("FloatArray", self.matrix))
         return through, linear.solve(np.ascontiguousarray(through)) if len(through) else through
 
 
-def _sums(left: Matrix, right: Matrix) -> FloatArray:
-    """(k,) products of columns."""
-    return np.asarray(left.multiply(right).sum(axis=0)).ravel()
+def _through(linear: Linear, columns: Sparse) -> FloatArray:
+    """(u, m) A' times columns (m, n), which are rows here."""
+    return np.ascontiguousarray((columns @ cast("Sparse", linear.rows)).toarray().T)
 
 
-def _inner(left: Matrix, right: Matrix, q: int) -> FloatArray:
-    """(g, q, q) products of the columns of each set, which follow each other."""
-    found = np.empty((left.shape[1] // q, q, q))
-    for i in range(q):
-        for j in range(q):
-            first, second = left[:, i::q], right[:, j::q]
-            product = first * second if isinstance(left, np.ndarray) else first.multiply(second)
-            found[:, i, j] = np.asarray(product.sum(axis=0)).ravel()
-    return found
+def _inner(left: Sparse, right: Sparse, q: int) -> FloatArray:
+    """(g, q, q) products of the rows of each set, which follow each other."""
+    parts = q * np.arange(left.shape[0] // q)[:, None] + np.arange(q)
+    firsts, seconds = ([matrix.some(part) for part in parts.T] for matrix in (left, right))
+    products = [[first.dots(second) for second in seconds] for first in firsts]
+    return np.array(products).reshape(q, q, -1).transpose(2, 0, 1)
 
 
 def joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:

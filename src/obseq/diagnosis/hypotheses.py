@@ -7,7 +7,7 @@ does to the equations (the columns themselves) is made at each linearisation.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class Hypotheses:
     """All hypotheses of a model, in one order; an index is what one of them is known by.
 
     Attributes:
-        families: By code.
+        codes: Of the families.
         starts: (h + 1,) where the columns of each begin.
         columns: (p,) numbers of columns.
         family: (h,) number of the family of each.
@@ -68,37 +68,36 @@ class Hypotheses:
     """
 
     def __init__(self, families: Sequence[Family]) -> None:
-        self.families = tuple(families)
-        sizes = [len(one) for one in self.families]
-        self.family = np.repeat(np.arange(len(sizes)), sizes)
-        self.q = np.concatenate([np.zeros(0, np.int64), *(np.diff(one.starts) for one in self.families)])
-        self.starts = np.append(0, np.cumsum(self.q))
-        parts = (one.columns[one.starts[0] : one.starts[-1]] for one in self.families)
-        self.columns = np.concatenate([np.zeros(0, np.int64), *parts])
+        self.codes = tuple(one.code for one in families)
+        sizes = [len(one) for one in families]
+        self.family = np.repeat(np.arange(len(sizes), dtype=np.int16), sizes)
+        none = np.zeros(0, np.int32)
+        self.q = np.concatenate([none, *(np.diff(one.starts) for one in families)], dtype=np.int32)
+        self.starts = np.append(0, np.cumsum(self.q, dtype=np.int64))
+        parts = (one.columns[one.starts[0] : one.starts[-1]] for one in families)
+        self.columns = np.concatenate([none, *parts], dtype=np.int32)
         self._firsts = np.append(0, np.cumsum(sizes))
-        self.rarity: FloatArray = np.repeat(
-            np.array([one.rarity for one in self.families], np.float64), sizes
-        )
-        self.most: FloatArray = np.repeat(np.array([one.most for one in self.families], np.float64), sizes)
-        self.is_block = self._which("is_block")
-        self.needs_slip = self._which("needs_slip")
-        self.is_bent = self._which("is_bent")
-        self.is_start = self._which("is_start")
 
-    def _which(self, name: str) -> BoolArray:
-        values = np.array([getattr(one, name) for one in self.families], np.bool_)
-        return np.repeat(values, [len(one) for one in self.families])
+        def each(name: str, kind: type = np.bool_) -> Any:
+            return np.array([getattr(one, name) for one in families], kind)[self.family]
+
+        self.rarity: FloatArray = each("rarity", np.float64)
+        self.most: FloatArray = each("most", np.float64)
+        self.is_block: BoolArray = each("is_block")
+        self.needs_slip: BoolArray = each("needs_slip")
+        self.is_bent: BoolArray = each("is_bent")
+        self.is_start: BoolArray = each("is_start")
 
     def __len__(self) -> int:
         return len(self.family)
 
     def of(self, index: int) -> IntArray:
         """Columns of one of them."""
-        return self.columns[self.starts[index] : self.starts[index + 1]]
+        return self.columns[self.starts[index] : self.starts[index + 1]].astype(np.int64)
 
     def code(self, index: int) -> str:
         """Code of one of them."""
-        return self.families[int(self.family[index])].code
+        return self.codes[int(self.family[index])]
 
     def place(self, index: int) -> tuple[int, int]:
         """Number of the family of one, and its number in it."""

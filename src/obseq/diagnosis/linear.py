@@ -8,18 +8,19 @@ it large, where the place is near the solution without the error: A and v0 are t
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.clusters import whitening_of
+from obseq.leastsquares.sparse import Sparse, on_diagonal, stacked, symmetric
 from obseq.leastsquares.statistics.final_state import final_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from scipy.sparse import csc_array, csr_array
 
     from obseq.arrays import FloatArray
     from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
@@ -38,38 +39,49 @@ class Linear:
         residuals: (n,) v0, whitened: computed minus observed over sigmas.
         rows: (n, u) A, whitened.
         whitening: (n, n) from residuals in their units to whitened ones.
-        cofactors: (u, u) Q on the pattern of the normal matrix.
+        inverse: Gives (u, u) Q on the pattern of the normal matrix, which few tests ask for.
         taken: (n, n) blocks of A Q A', one for each observation; all their entries are stored;
             dense where A is.
         solve: Q times right-hand sides (u,) or (u, k).
         redundancy: Degrees of freedom.
+        forms: b Q b' (k,) of the rows b of a sparse matrix (k, u); by solves when None.
     """
 
     residuals: FloatArray
-    rows: csr_array | FloatArray
-    whitening: csr_array | FloatArray
-    cofactors: csc_array | FloatArray
-    taken: csr_array | FloatArray
+    rows: Sparse | FloatArray
+    whitening: Sparse | FloatArray
+    inverse: Callable[[], Sparse | FloatArray]
+    taken: Sparse | FloatArray
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
+    forms: Callable[[Sparse], FloatArray] | None = None
 
     @property
     def n(self) -> int:
         """How many equations there are."""
         return len(self.residuals)
 
+    @cached_property
+    def cofactors(self) -> Sparse | FloatArray:
+        """(u, u) Q on the pattern of the normal matrix."""
+        return self.inverse()
+
+    def back(self, vectors: FloatArray) -> FloatArray:
+        """(u,) or (u, k) A' times vectors (n,) or (n, k)."""
+        if isinstance(self.rows, np.ndarray):
+            return np.ascontiguousarray(self.rows.T @ vectors)
+        return self.rows.transposed_times(vectors)
+
     def left(self, vectors: FloatArray) -> FloatArray:
         """R times vectors (n,) or (n, k): what the unknowns do not take of them."""
         if not self.rows.shape[1]:
             return vectors
         if vectors.ndim == 1:
-            return np.asarray(vectors - self.rows @ self.solve(self.rows.T @ vectors))
+            return np.asarray(vectors - self.rows @ self.solve(self.back(vectors)))
         result = np.empty_like(vectors)
         for first in range(0, vectors.shape[1], _AT_A_TIME):
             part = vectors[:, first : first + _AT_A_TIME]
-            result[:, first : first + _AT_A_TIME] = part - self.rows @ self.solve(
-                np.ascontiguousarray(self.rows.T @ part)
-            )
+            result[:, first : first + _AT_A_TIME] = part - self.rows @ self.solve(self.back(part))
         return result
 
 
@@ -89,18 +101,17 @@ def linearised(
     state = final_state(system, result)
     if dense:
         return _densely(state, result, batches)
-    from scipy.sparse import block_diag, csr_array, vstack
-
     roots = [whitening_of(batch) for batch in batches]
     raw = [np.where(batch.active[:, None], np.nan_to_num(result.residuals(batch)), 0.0) for batch in batches]
     return Linear(
         np.concatenate([root @ one.ravel() for root, one in zip(roots, raw, strict=True)]),
-        csr_array(vstack([state.cluster_rows(batch) for batch in batches], format="csr")),
-        csr_array(block_diag(roots, format="csr")),
-        state.equations.pattern.matrix(state.cofactors.values),
-        csr_array(block_diag([taken_of(state, batch) for batch in batches], format="csr")),
+        stacked([state.cluster_rows(batch) for batch in batches]),
+        on_diagonal(roots),
+        partial(symmetric, state.equations.pattern, state.cofactors.values),
+        on_diagonal([taken_of(state, batch) for batch in batches]),
         state.solve,
         result.redundancy,
+        state.quadratic_forms,
     )
 
 
@@ -108,24 +119,23 @@ def with_priors(
     linear: Linear, system: LeastSquares, result: LeastSquaresResult, priors: Sequence[Prior]
 ) -> Linear:
     """The same with the equations of observed unknowns after those of the batches."""
-    from scipy.sparse import block_diag, coo_array, csr_array, vstack
-
     if not priors:
         return linear
     state = final_state(system, result)
     weights = np.concatenate([prior.weights for prior in priors])
     columns = state.equations.free.number[np.concatenate([prior.scalars for prior in priors])]
     free = np.flatnonzero(columns >= 0)
-    entries = weights[free], (free, columns[free])
     off = np.concatenate([result.prior_residuals(prior) for prior in priors])
-    own = [diagonal(state.prior_leverages(prior)) for prior in priors]
-    rows = coo_array(entries, shape=(len(weights), linear.rows.shape[1]))
+    own = [Sparse.of_diagonal(state.prior_leverages(prior)) for prior in priors]
+    shape = len(weights), linear.rows.shape[1]
+    rows = Sparse.of_entries(weights[free], free, columns[free], shape)
+    before, whitening, taken = (cast("Sparse", m) for m in (linear.rows, linear.whitening, linear.taken))
     return replace(
         linear,
         residuals=np.append(linear.residuals, weights * off),
-        rows=csr_array(vstack([csr_array(linear.rows), rows], format="csr")),
-        whitening=csr_array(block_diag([linear.whitening, np.diag(weights)], format="csr")),
-        taken=csr_array(block_diag([linear.taken, *own], format="csr")),
+        rows=stacked([before, rows]),
+        whitening=on_diagonal([whitening, Sparse.of_diagonal(weights)]),
+        taken=on_diagonal([taken, *own]),
     )
 
 
@@ -144,7 +154,7 @@ def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Ba
         weights * np.concatenate([one.ravel() for one in raw]),
         matrix,
         np.diag(weights),
-        cofactors,
+        lambda: cofactors,
         np.diag(np.einsum("ij,ij->i", matrix @ cofactors, matrix)),
         state.solve,
         result.redundancy,
@@ -153,33 +163,20 @@ def _densely(state: FinalState, result: LeastSquaresResult, batches: Sequence[Ba
 
 def _of_nothing(result: LeastSquaresResult, batches: Sequence[Batch]) -> Linear:
     """Equations without any unknown: residuals alone."""
-    from scipy.sparse import block_diag, csc_array, csr_array
-
     roots = [whitening_of(batch) for batch in batches]
     raw = [np.nan_to_num(result.residuals(batch)).ravel() for batch in batches]
     residuals = [root @ one for root, one in zip(roots, raw, strict=True)]
     values = np.concatenate([np.zeros(0), *residuals])
-    whitening = csr_array(block_diag(roots, format="csr")) if roots else csr_array((0, 0))
-    none, nothing = csr_array((len(values), 0)), diagonal(np.zeros(len(values)))
-    return Linear(values, none, whitening, csc_array((0, 0)), nothing, np.asarray, result.redundancy)
+    none, nothing = Sparse.of_dense(np.zeros((len(values), 0))), Sparse.of_diagonal(np.zeros(len(values)))
+    empty = partial(on_diagonal, [])
+    return Linear(values, none, on_diagonal(roots), empty, nothing, np.asarray, result.redundancy)
 
 
-def taken_of(state: FinalState, batch: Batch) -> csr_array:
+def taken_of(state: FinalState, batch: Batch) -> Sparse:
     """(n m, n m) what the unknowns take of the observations of a batch: blocks (m, m) of A Q A'.
 
     Of observations that are correlated with others only the diagonal.
     """
-    from scipy.sparse import bsr_array, csr_array
-
     if batch.clusters is not None:
-        return diagonal(state.leverages(batch).ravel())
-    each = np.arange(batch.n + 1)
-    return csr_array(bsr_array((state.leverages(batch, crossed=True), each[:-1], each)))
-
-
-def diagonal(values: FloatArray) -> csr_array:
-    """(n, n) a sparse matrix of a diagonal (n,)."""
-    from scipy.sparse import csr_array
-
-    each = np.arange(len(values) + 1)
-    return csr_array((values, each[:-1], each), shape=(len(values), len(values)))
+        return Sparse.of_diagonal(state.leverages(batch).ravel())
+    return Sparse.of_blocks(state.leverages(batch, crossed=True))

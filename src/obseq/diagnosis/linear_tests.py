@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.policy import Policy
 
-_KEPT = 8
-"""Sets of accepted hypotheses that are kept: each is asked for again."""
+_KEPT, _KEPT_OF_LARGE = 8, 3
+"""Sets of accepted hypotheses that are kept: each is asked for again. Three follow from one another."""
 _TINY, _NOTHING = 1e-300, 1e-10
 """Smallest length of a column; share of its weight in place of none, where others do the same."""
 
@@ -67,14 +67,15 @@ class LinearTests:
 
         Args:
             linear: The model at a place.
-            columns: Of all hypotheses there.
+            columns: Of all hypotheses there; they are scaled, and belong to the tests from now on.
             hypotheses: What may be wrong.
             policy: How it is judged.
         """
         self.linear, self.hypotheses, self.policy = linear, hypotheses, policy
         lengths, unit = np.maximum(columns.norms(), _TINY), policy.variance**0.5
         self.norm = lengths / unit
-        self._columns = columns.scaled(lengths)
+        columns.scale(lengths)
+        self._columns = columns
         left = linear.left(linear.residuals) / unit
         self.cost = float(left @ left)
         self.off = self._columns.shown(linear.residuals) / unit
@@ -83,7 +84,7 @@ class LinearTests:
         self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
         self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
-        self._is_screened, self._still = linear.n > policy.large, policy.columns
+        self._is_screened, self._still = linear.n > policy.large, policy.held_down
         counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
         tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in sorted(counts.items()))
         self.level = _level(policy.false_alarm, policy.power, tests)
@@ -168,10 +169,9 @@ class LinearTests:
         wanted = np.isnan(self._weight)
         if self._is_screened:
             wanted &= self._asks(shown)
-        for part in _parts(self._worst(np.flatnonzero(wanted), shown), self._columns.at_a_time):
-            through = self._columns.through(self.linear, part)
-            taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
-            self._weight[part] = 1.0 - taken
+        chosen = self._worst(np.flatnonzero(wanted), shown)
+        if len(chosen):
+            self._weight[chosen] = 1.0 - self._columns.lost(self.linear, chosen)
 
     def _worst(self, wanted: IntArray, shown: FloatArray) -> IntArray:
         """As many columns as are still solved for at this place, the worst first where more ask."""
@@ -211,7 +211,7 @@ class LinearTests:
         key = tuple(sorted(map(int, chosen)))
         found = self._given.pop(key, None) or self._made(key)
         self._given[key] = found  # the last that was asked for is the last to go
-        if len(self._given) > _KEPT:
+        if len(self._given) > (_KEPT_OF_LARGE if self._is_screened else _KEPT):
             self._given.pop(next(iter(self._given)))
         return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.losses import Loss
     from obseq.leastsquares.problem.priors import Prior
     from obseq.leastsquares.problem.unknowns import State
+    from obseq.leastsquares.sparse import Sparse
 
 
 class Observation(NamedTuple):
@@ -144,13 +145,12 @@ class JointModel:
 
     def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
         """All equations as they are given, at a place, and the columns of all hypotheses."""
-        from scipy.sparse import csc_array
-
         self._system.unknowns.restore(place.state)
         result = self._solve(0, TOLERANCE, covariance=True)
         linear = linearised(self._system, result, self._batches)
         linear = with_priors(linear, self._system, result, self._priors)
-        return linear, Columns(csc_array(-1.0 * linear.whitening), np.ones(self._n, np.bool_))
+        changed = cast("Sparse", linear.whitening).T.scaled(np.full(self._n, -1.0))
+        return linear, Columns(changed, np.ones(self._n, np.bool_))
 
     def adjusted(self, place: Place, changes: Sequence[Change]) -> tuple[Place, bool, int]:
         """Where least squares without some observations lead from a place."""

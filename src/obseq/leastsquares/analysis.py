@@ -146,6 +146,7 @@ class Analysis:
         equations, solver = self.equations, self._released_solver()
         with one_blas_thread(), rejection_told(equations.table, equations.batches):
             factor(equations, solver, equations.assemble(viscous=False))
+            equations.rest()
             return Cofactors(equations.table, equations.free, equations.pattern, solver, self._state)
 
     def is_of(self, cofactors: Cofactors) -> bool:

@@ -13,10 +13,10 @@ from obseq.leastsquares.assembly.evaluation import raw_residuals
 from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.gauss_newton import sigma0_of
 from obseq.leastsquares.iterations.strategies import GaussNewton, strategy_of
+from obseq.leastsquares.iterations.unchanged import Unchanged
 from obseq.leastsquares.problem.arguments import callback, frozen, number, texts, whole
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.problem import Problem
-from obseq.leastsquares.problem.unchanged import Unchanged
 from obseq.leastsquares.problem.unknown_blocks import UnknownBlocks
 from obseq.leastsquares.problem.unknown_objects import synchronise
 from obseq.leastsquares.solution.result import Iteration, LeastSquaresResult

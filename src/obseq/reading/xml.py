@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn
 from xml.parsers import expat
 
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.reading.text import TextFile, encoding_of, parse_number, quoted, read_bytes
+from obseq.stopwatch import Tally
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
 DEEPEST = 40
 """Levels of elements: surveys need a dozen."""
+PIECE = 1 << 16
+"""Bytes of a file that are parsed at once, where elements are taken one by one."""
+NOTHING: Mapping[str, str] = MappingProxyType({})
+"""Attributes of most elements."""
 
 
-@dataclass(slots=True, eq=False)
 class Element:
     """An element of a file.
 
@@ -32,12 +35,13 @@ class Element:
         text: What stands directly in it.
     """
 
-    file: TextFile
-    name: str
-    attributes: dict[str, str]
-    line: int
-    children: list[Element] = field(default_factory=list)
-    text: str = ""
+    __slots__ = ("attributes", "children", "file", "line", "name", "text")
+
+    def __init__(self, file: TextFile, name: str, attributes: Mapping[str, str], line: int) -> None:
+        """An element without anything in it yet."""
+        self.file, self.name, self.attributes, self.line = file, name, attributes, line
+        self.children: Sequence[Element] = ()
+        self.text = ""
 
     def error(self, problem: str) -> InputError:
         """An error about this element."""
@@ -81,7 +85,7 @@ class Element:
             InputError: Nothing does, and there is no default.
         """
         found = self.first(name)
-        text = found.plain if found is not None else ""
+        text = found.text.strip() if found is not None else ""
         if not text and default is None:
             raise self.problem(f"{name} is missing")
         return text or default or ""
@@ -92,14 +96,18 @@ class Element:
         Raises:
             InputError: It is none, or nothing is there and there is no default.
         """
-        text = self.content(name, None if default is None else "")
-        if not text and default is not None:
-            return default
-        return (self.first(name) or self).parsed(text, name)
+        found = self.first(name)
+        text = found.text.strip() if found is not None else ""
+        if found is not None and text:
+            return found.parsed(text, name)
+        if default is None:
+            raise self.problem(f"{name} is missing")
+        return default
 
     def get(self, name: str) -> str | None:
         """An attribute with its white space collapsed; None when there is none, or it is empty."""
-        return " ".join(self.attributes.get(name, "").split()) or None
+        text = self.attributes.get(name)
+        return None if text is None else " ".join(text.split()) or None
 
     def wanted(self, name: str) -> str:
         """An attribute that must be there.
@@ -157,10 +165,7 @@ def read_xml(path: Path) -> Element:
     Raises:
         InputError: It cannot be read, is broken, nested too deeply, or refers to something outside.
     """
-    data = read_bytes(path)
-    if not data.strip():
-        raise InputError(f"{path}: the file is empty")
-    return xml_of(data, str(path))
+    return xml_of(read_bytes(path), str(path))
 
 
 def xml_of(data: bytes, name: str) -> Element:
@@ -169,32 +174,40 @@ def xml_of(data: bytes, name: str) -> Element:
     Raises:
         InputError: It is broken, nested too deeply, or refers to something outside.
     """
-    from defusedxml.common import DefusedXmlException
-
-    lines = data.decode(encoding_of(data), "replace").splitlines()
-    file = TextFile(name, lines or [""], True, "UTF-8")
-    parser = expat.ParserCreate()
-    builder = _Builder(file, parser)
-    try:
-        parser.Parse(data, False)
-        parser.Parse(b"", True)
-    except DefusedXmlException as error:
-        raise InputError(f"{name}: refused: XML with entities or external references ({error})") from None
-    except expat.ExpatError as error:
-        line = min(max(error.lineno, 1), len(file.lines))
-        raise file.error(line - 1, f"the XML is broken: {expat.ErrorString(error.code)}") from None
-    except (ValueError, LookupError) as error:
-        raise InputError(f"{name}: the XML is broken: {error}") from None
+    builder = _Builder(data, name)
+    builder.feed(data)
     return builder.finished()
+
+
+def children_of(path: Path) -> Iterator[tuple[Element, Element]]:
+    """The root element, as far as it was read, with each of its children, which it does not keep.
+
+    So a file of many records takes the memory of one.
+
+    Raises:
+        InputError: As of `read_xml`; what stands before a place that is broken comes out first.
+    """
+    data = read_bytes(path)
+    builder = _Builder(data, str(path))
+    for start in range(0, len(data), PIECE):
+        builder.feed(data[start : start + PIECE])
+        yield from builder.taken()
+    builder.finished()
 
 
 class _Builder:
     """Makes elements of the events of a parser."""
 
-    def __init__(self, file: TextFile, parser: expat.XMLParserType) -> None:
-        self._file, self._parser = file, parser
-        self._open: list[tuple[Element, list[str]]] = []
+    def __init__(self, data: bytes, name: str) -> None:
+        if not data.strip():
+            raise InputError(f"{name}: the file is empty")
+        lines = data.decode(encoding_of(data), "replace").splitlines()
+        self._file = TextFile(name, lines or [""], True, "UTF-8")
+        self._tally = Tally(f"read {name}: line", len(lines))
+        self._open: list[tuple[Element, list[Element], list[str]]] = []
         self._root: Element | None = None
+        self._inside: list[Element] = []
+        self._parser = parser = expat.ParserCreate()
         parser.buffer_text = True
         parser.StartElementHandler, parser.EndElementHandler = self._begin, self._end
         parser.CharacterDataHandler = self._hold
@@ -202,34 +215,64 @@ class _Builder:
         parser.ExternalEntityRefHandler = _pass_over  # a document type is named in old files
         parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_UNLESS_STANDALONE)
 
+    def feed(self, data: bytes, is_last: bool = False) -> None:
+        """Takes a part of the file."""
+        from defusedxml.common import DefusedXmlException
+
+        try:
+            self._parser.Parse(data, is_last)
+        except DefusedXmlException as error:
+            raise InputError(
+                f"{self._file.name}: refused: XML with entities or external references ({error})"
+            ) from None
+        except expat.ExpatError as error:
+            line = min(max(error.lineno, 1), len(self._file.lines))
+            problem = f"the XML is broken: {expat.ErrorString(error.code)}"
+            raise self._file.error(line - 1, problem) from None
+        except (ValueError, LookupError) as error:
+            raise InputError(f"{self._file.name}: the XML is broken: {error}") from None
+
+    def taken(self) -> Iterator[tuple[Element, Element]]:
+        """The root with what stands in it so far, and is no longer kept."""
+        if self._root is not None:
+            root, children = self._root, self._inside
+            yield from ((root, child) for child in children)
+            children.clear()
+
     def _begin(self, name: str, given: dict[str, str]) -> None:
         """An element begins."""
-        line = min(self._parser.CurrentLineNumber or 1, len(self._file.lines))
         for key, value in given.items():
             if not value.isascii():
                 given[key] = composed(value)
-        element = Element(self._file, name.rpartition(":")[2], given, line)
-        if len(self._open) == DEEPEST:
+        line = min(self._parser.CurrentLineNumber, len(self._file.lines))
+        if self._tally.is_due:
+            self._tally.tell(line)
+        own = name.rpartition(":")[2] if ":" in name else name
+        element, children = Element(self._file, own, given or NOTHING, line), list[Element]()
+        if not self._open:
+            self._root, self._inside = element, children
+        elif len(self._open) == DEEPEST:
             raise element.error(f"the elements are nested deeper than {DEEPEST} levels")
-        if self._open:
-            self._open[-1][0].children.append(element)
-        else:
-            self._root = element
-        self._open.append((element, []))
+        self._open.append((element, children, []))
 
     def _end(self, _: str) -> None:
         """It ends."""
-        element, parts = self._open.pop()
-        if parts:
-            element.text = composed("".join(parts))
+        element, children, texts = self._open.pop()
+        if children:
+            element.children = children
+        if texts:
+            element.text = composed("".join(texts))
+        if self._open:
+            self._open[-1][1].append(element)
 
     def _hold(self, content: str) -> None:
         """Text stands in it."""
         if self._open:
-            self._open[-1][1].append(content)
+            self._open[-1][2].append(content)
 
     def finished(self) -> Element:
         """The root, once everything is read; not kept here."""
+        self.feed(b"", True)
         root, self._root = self._root, None
         if root is None:
             raise InputError(f"{self._file.name}: the XML holds no element")

@@ -16,8 +16,9 @@ from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from obseq.arrays import BoolArray
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
     from obseq.records.diagnosis import DiagnosisRecord
     from obseq.records.rows import Rows
@@ -27,6 +28,8 @@ POOR = 0.1
 """Redundancy below which an observation is hardly checked: most of an error goes into the result."""
 MOST_BEYOND = 3
 MOST_NAMES = 8
+NOT_JUDGED = "Adjusted, but not everything could be judged."
+"""The verdict where what should explain a result has failed."""
 BOOK = "see the field book"
 
 
@@ -35,9 +38,13 @@ def sight(row: ObservationRecord) -> str:
     return name(f"{row.type} {row.origin} \u2192 {row.target}")
 
 
-def weakest(points: Rows[PointRecord]) -> tuple[int, float] | None:
-    """The point known worst, and how well it is known (m); None where no precision is known."""
-    sizes = [(found, k) for k, found in enumerate(spreads(points)) if found == found]
+def weakest(record: AdjustmentRecord) -> tuple[int, float] | None:
+    """The point known worst, and how well it is known (m); None where no precision is known.
+
+    Known points that nothing observes say nothing of the network.
+    """
+    apart = is_known(record, is_observed=False).tolist()
+    sizes = [(found, k) for k, found in enumerate(spreads(record.points)) if found > 0.0 and not apart[k]]
     return max(sizes)[::-1] if sizes else None
 
 
@@ -46,17 +53,37 @@ def spreads(points: Rows[PointRecord]) -> list[float]:
     import numpy as np
 
     sx, sy, sz = (points.numbers(f"s{axis}") for axis in "xyz")
-    alone = np.where(np.isnan(sx), sz, np.fmax(sx, sy))
+    is_levelled = [of_height(*pair) for pair in zip(sx.tolist(), points.values("known"), strict=True)]
+    alone = np.where(is_levelled, sz, np.fmax(sx, sy))
     major = points.numbers("ellipse.semi_major")
-    found: list[float] = np.where(np.isnan(major), alone, major).tolist()
+    found: list[float] = np.where(major > 0.0, major, alone).tolist()
     return found
+
+
+def of_height(sx: float | None, known: str | None) -> bool:
+    """Whether the height alone of a point is estimated: its plan is not there, or is held."""
+    return sx is None or sx != sx or (known or "").startswith("XY")
+
+
+def is_known(record: AdjustmentRecord, is_observed: bool = True) -> BoolArray:
+    """(n,) the points that have no unknown coordinate, and that something observes, or that nothing does."""
+    import numpy as np
+
+    rows = record.observations
+    used = rows.truths("active")
+    ends = {name for end in ("from", "to", "backsight") for name in rows.distinct(end, used)}
+    is_all = used.sum() == record.n_observations  # else images observe points too
+    named = np.array([not is_all or name in ends for name in record.points.values("name")], bool)
+    there = sum(np.isfinite(record.points.numbers(axis)).astype(int) for axis in "xyz")
+    known = np.array([len(letters or "") for letters in record.points.values("known")], int)
+    return np.asarray((known > 0) & (known >= there) & (named == is_observed))
 
 
 def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Findings, ...]:
     """Suspected errors, and what is worth knowing."""
     accused = tuple(_accused(record, item) for item in record.gross_errors)
     others = (
-        *searched(record.diagnosis),
+        *searched(record.diagnosis, record.failures),
         *_sigma0(record),
         *_types(record),
         *_snooped(record),
@@ -70,12 +97,12 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
     )
     title = "Worth knowing" if accused else "Look at first"
     lists = (Findings("Suspected errors", accused), Findings(title, others))
-    files = record.files or tuple(record.observations.distinct("file"))
-    return tuple(_shortened(part, short_names(files)) for part in lists if part.items)
+    return shortened(lists, record.files or record.observations.distinct("file"))
 
 
-def _shortened(part: Findings, short: Mapping[str, str]) -> Findings:
-    """Findings in which files have the names of the tables, without their folders."""
+def shortened(lists: Iterable[Findings], files: Iterable[str]) -> tuple[Findings, ...]:
+    """What there is of findings, in which files have the names of the tables, without their folders."""
+    short = short_names(files)
     longest = sorted((file for file in short if short[file] != file), key=len, reverse=True)
 
     def told(text: str) -> str:
@@ -83,16 +110,15 @@ def _shortened(part: Findings, short: Mapping[str, str]) -> Findings:
             text = text.replace(name(file), name(short[file]))
         return text
 
-    items = (
-        structs.replace(item, title=told(item.title), text=told(item.text), where=told(item.where))
-        for item in part.items
-    )
-    return Findings(part.title, tuple(items))
+    def brief(item: Finding) -> Finding:
+        return structs.replace(item, title=told(item.title), text=told(item.text), where=told(item.where))
+
+    return tuple(Findings(part.title, tuple(map(brief, part.items))) for part in lists if part.items)
 
 
 def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, to: Place | None) -> Finding:
     """An error: what it is called, how large it is, where it was read, where to look, and where it is."""
-    text = item.text.removeprefix(item.what).lstrip(": ")
+    text = item.text.removeprefix(item.what).lstrip(": ").removeprefix("is ")
     text = text[:1].upper() + text[1:]
     if item.others:
         others = listed([other.what for other in item.others], MOST_NAMES)
@@ -101,12 +127,15 @@ def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, 
     return Finding("bad", what, name(text), size, where, step, f"obseq causes {item.code}", to)
 
 
-def searched(found: DiagnosisRecord | None) -> Iterator[Finding]:
-    """What the search for errors says of itself, and effects that many show together, which are no errors."""
+def searched(found: DiagnosisRecord | None, failures: Sequence[str]) -> Iterator[Finding]:
+    """What could not be judged, what the search for errors says of itself, and effects that are no errors."""
+    for text in failures:
+        yield Finding("warn", "Not judged", name(text))
     if found is None:
         return
     if found.status == "undecided" or found.reason:
-        level: Level = "bad" if found.status in ("undecided", "unexplained") else "info"
+        is_wrong = found.status == "unexplained" or (found.status == "undecided" and not failures)
+        level: Level = "bad" if is_wrong else "info"
         yield Finding(level, f"Search for errors: {found.status}", name(found.reason))
     for item in found.remarks:
         text = item.text.removeprefix(item.what).lstrip(": ")
@@ -273,7 +302,7 @@ def _weak(record: AdjustmentRecord) -> Iterator[Finding]:
 
 
 def _worst(record: AdjustmentRecord, rows: Mapping[str, int]) -> Iterator[Finding]:
-    found = weakest(record.points)
+    found = weakest(record)
     if found is None:
         return
     point = record.points[found[0]]
@@ -281,8 +310,9 @@ def _worst(record: AdjustmentRecord, rows: Mapping[str, int]) -> Iterator[Findin
         axes = f"{small(point.ellipse.semi_major)} by {small(point.ellipse.semi_minor)}"
         size = f"Ellipse {axes} ({ellipse_level(record)})"
     else:
-        size = f"Standard deviation {small(found[1])}"
-    height = "" if point.sz is None or point.sx is None else f", height {small(point.sz)}"
+        what = " of its height" if of_height(point.sx, point.known) else ""
+        size = f"Standard deviation{what} {small(found[1])}"
+    height = f", height {small(point.sz)}" if point.sz and not of_height(point.sx, point.known) else ""
     yield Finding(
         "info",
         f"{name(point.name)} is the weakest point",
@@ -303,6 +333,7 @@ def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _said(record: AdjustmentRecord) -> Iterator[Finding]:
     for text in record.warnings:
-        yield Finding("warn", "Warning", name(text))
+        if text not in record.failures:
+            yield Finding("warn", "Warning", name(text))
     for text in record.notes:
         yield Finding("info", "Note", name(text))

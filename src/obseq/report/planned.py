@@ -222,8 +222,11 @@ def limited(record: PlanRecord) -> tuple[str, float, float] | None:
     """The weakest point that the datum and not the sights limits: name, precision, that of the sights alone.
 
     Precisions with inner constraints are those of the sights. The datum limits a point where more than half
-    of its variance is not theirs; None where it does not limit the weakest one.
+    of its variance is not theirs; None where it does not limit the weakest one, or where one more sight
+    takes that half away.
     """
+    if any(gain.after**2 < DATUM * gain.before**2 for gain in record.gains):
+        return None
     names = {item.point for item in record.weakest_points[:1]}
     for point in record.adjustment.points:
         if point.name in names and point.inner:

@@ -35,6 +35,8 @@ RESIDUALS = ("observations", "measures", "displacements")
 SIGNS = {"\u2192": "->", "\u03c3": "sigmas", " \u00b7 ": "; ", "\u00d7": "x", "\u2013": "-"}
 RANK = {"bad": 0, "warn": 1, "info": 2, "ok": 3}
 """Which findings are told first where not all can be."""
+WHOLE = "\u00a0"
+"""A blank at which no line ends."""
 NOTHING = "nothing (--out and the options of each format write results)"
 
 Line = tuple[str, str]
@@ -123,7 +125,7 @@ def told(
     yield from (*begin, *accused, *cards, *others)
     if is_long:
         yield from _facts(outcome, () if not seconds else ("seconds",))
-        yield from _worst(outcome)
+        yield from _worst(outcome, {_named(outcome.known, name) for name in detail.shown})
     for name in detail.shown:
         yield from _table(outcome, name)
     if is_long and seconds:
@@ -177,10 +179,16 @@ def _text(outcome: Outcome, sentence: str) -> str:
 
 
 def _wrapped(
-    outcome: Outcome, sentence: str, level: str = "", indent: str = "", most: int | None = None
+    outcome: Outcome,
+    sentence: str,
+    level: str = "",
+    indent: str = "",
+    most: int | None = None,
+    whole: str = "",
 ) -> list[Line]:
+    """The sentence in lines; what is whole, such as a command, stays in one."""
     lines = textwrap.wrap(
-        _text(outcome, sentence),
+        _text(outcome, sentence).replace(whole, whole.replace(" ", WHOLE)),
         WIDTH,
         initial_indent=indent,
         subsequent_indent=f"{indent}  ",
@@ -189,7 +197,7 @@ def _wrapped(
         max_lines=most,
         placeholder=" ...",
     )
-    return [(line, level if level in ("bad", "warn", "ok") else "") for line in lines]
+    return [(line.replace(WHOLE, " "), level if level in ("bad", "warn", "ok") else "") for line in lines]
 
 
 def _cards(outcome: Outcome) -> Iterator[Line]:
@@ -220,7 +228,8 @@ def _findings(outcome: Outcome, room: int | None) -> tuple[list[Line], list[Line
         for step, group in groupby(sorted(part.items, key=lambda item: RANK[item.level]), attrgetter("step")):
             items = list(group)
             copies = "; ".join(dict.fromkeys(item.copy for item in items if item.copy))
-            end = _wrapped(outcome, f"Next: {step} {copies}".rstrip(), "", "    ") if step else []
+            told = f"Next: {step} {copies}".rstrip()
+            end = _wrapped(outcome, told, "", "    ", whole=copies) if step else []
             for k, item in enumerate(items):
                 block = [*head, *_finding(outcome, item, BRIEF if room is not None else None)]
                 if room is not None and (left or len(block) + len(end) > room):
@@ -261,10 +270,10 @@ def _facts(outcome: Outcome, but: Collection[str]) -> Iterator[Line]:
                 yield from _wrapped(outcome, f"{name}: {text}", "", "  ")
 
 
-def _worst(outcome: Outcome) -> Iterator[Line]:
-    """The first rows of the tables that have an order."""
+def _worst(outcome: Outcome, others: Collection[str | None]) -> Iterator[Line]:
+    """The first rows of the tables that have an order, but for those that are told whole."""
     for table in outcome.worst() if outcome.worst else outcome.tables(()):
-        if table.get("order") and table["id"] != "points":
+        if table.get("order") and table["id"] not in {"points", *others}:
             yield from _lines(outcome, table, worst(table, table["order"])[:WORST])
 
 

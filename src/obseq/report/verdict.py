@@ -16,6 +16,11 @@ from obseq.report.worst_test import Worst, one_of, worst_test
 
 TOO_LARGE = "Look for a blunder among the worst residuals, for a wrong known point, or for sigmas too small."
 TOO_SMALL = "The sigmas are too large, or observations that depend on each other were given as independent."
+PRECISIONS = {
+    "a posteriori": "Precisions are scaled by it: beware of them where redundancy is low (--a-priori: not).",
+    "a priori": "Precisions are those of the given sigmas.",
+}
+"""What a sigma0 that is too small does to precisions."""
 _LEAST_REDUNDANCY = 3.0
 """Redundancy of a type below which small residuals say nothing of its sigmas."""
 LEAST = 0.001
@@ -84,7 +89,7 @@ class Verdict:
         if self.test is None or self.test.passed or self.spoilt:
             return ""
         if self.test.sigma0 < self.test.upper:
-            return TOO_SMALL
+            return f"{TOO_SMALL} {PRECISIONS.get(self.record.precision or '', '')}".rstrip()
         if self.record.redundancy == 1:
             return _of_one_condition(self.record, self.test.sigma0) or TOO_LARGE
         return TOO_LARGE if self.worst is None else f"{TOO_LARGE} {self.worst.sentence}"

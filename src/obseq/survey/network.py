@@ -18,12 +18,12 @@ from obseq.arguments import (
     TRUTH,
     WHOLE,
     WORDS,
+    Expected,
     expecting,
     instance,
 )
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, noting
-from obseq.leastsquares import Blocks
 from obseq.stopwatch import Stopwatch
 from obseq.survey import files
 from obseq.survey.adjustment.computation import Computation
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
     from pathlib import Path
 
+    from obseq.leastsquares import Blocks
     from obseq.records.diagnosis import AccusedRecord
     from obseq.records.shown_units import ShownUnits
     from obseq.stopwatch import Progress
@@ -325,7 +326,7 @@ class Network(Edited):
         datum=instance(Datum) | TEXT | NOTHING,
         strategy=TEXT,
         loss=TEXT | NOTHING,
-        blocks=instance(Blocks) | NOTHING,
+        blocks=Expected("Blocks", lambda value: type(value).__name__ == "Blocks") | NOTHING,
     )
     def adjust(
         self,

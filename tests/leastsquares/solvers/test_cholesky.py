@@ -13,7 +13,7 @@ from obseq.leastsquares.solvers import (
 )
 from obseq.leastsquares.solvers import ordering as orderings
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
-from obseq.leastsquares.solvers.superlu import SuperLU
+from obseq.leastsquares.solvers.outside.superlu import SuperLU
 
 
 def factored(matrix, **options):

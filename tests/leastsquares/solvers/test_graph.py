@@ -29,6 +29,11 @@ def test_unknowns_of_a_point_become_one_vertex(build):
     assert grouping.graph.n <= 50
 
 
+def test_the_first_unknown_tells_its_neighbours_from_those_of_others():
+    path = np.eye(3) + np.eye(3, k=1) + np.eye(3, k=-1)
+    assert len(group_indistinguishable(SymmetricPattern.of(path)[0], NOBODY).graph.weights) == 3
+
+
 def test_unconnected_unknowns_are_not_merged():
     grouping = group_indistinguishable(SymmetricPattern.of(np.eye(5))[0], NOBODY)
     np.testing.assert_array_equal(grouping.vertex, np.arange(5))

@@ -9,7 +9,8 @@ from msgspec import structs
 from obseq.boundary import Boundary
 from obseq.cli.parsing import Commands, add_command, output_file
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, show
+from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show
+from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable, write_all
 
 MORE = """
@@ -50,6 +51,7 @@ def register(commands: Commands) -> None:
     command.add_argument("--json", type=output_file, metavar="FILE", help="every result at full precision")
     command.add_argument("--html", type=output_file, metavar="FILE", help="a page with drawings of the block")
     command.add_argument("--ply", type=output_file, metavar="FILE", help="points and cameras for a viewer")
+    add_detail(command)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -60,7 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
     options, tree = parse_options(arguments.options), ProjectTree.at(arguments.project)
     reports = [path for path in (arguments.json, arguments.html, arguments.ply) if path]
     check_writable(reports)
+    detail = detail_of(arguments, "block")
     with Progress("reading") as progress:
+        watch = Stopwatch(progress)
         from obseq.images.causes.diagnosing import diagnosed
         from obseq.images.causes.refusals import explained
         from obseq.images.output.clouds import ply
@@ -69,15 +73,17 @@ def run(arguments: argparse.Namespace) -> int:
         from obseq.project.assembly import assembled
         from obseq.project.results import Results
 
-        block = assembled(tree, arguments.images, arguments.orientation, options)
-        with explained(block, progress, max_iterations=options.iterations):
+        with watch.phase("read"), watch.counted("read"):
+            block = assembled(tree, arguments.images, arguments.orientation, options)
+        with explained(block, progress, max_iterations=options.iterations), watch.phase("adjust"):
             solution = block.solve(
                 max_iterations=options.iterations,
                 progress=lambda step: progress(f"adjusting: {step}"),
             )
         boundary, limit = Boundary(), options.iterations
         search = partial(diagnosed, solution, block.poses, progress, max_iterations=limit)
-        diagnosis = boundary.attempt("the search for errors", search, None)
+        with watch.phase("search for errors"):
+            diagnosis = boundary.attempt("the search for errors", search, None, ends=True)
         record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
         results = Results(tree, options, arguments.orientation, arguments.out, arguments.json_files)
         writers = {
@@ -86,10 +92,11 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.ply: lambda: ply(solution),
         }
         boundary = Boundary()
-        files = boundary.texts({path: writers[path] for path in reports}) | results.files(solution)
-        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
-        check_writable(files)
-        write_all(files)
+        with watch.phase("write"):
+            files = boundary.texts({path: writers[path] for path in reports}) | results.files(solution)
+            record = structs.replace(record, failures=(*record.failures, *boundary.failures))
+            check_writable(files)
+            write_all(files)
     written = [tree.folder("Ori", arguments.out), *reports]
-    show(outcome(record), written)
+    show(outcome(record), written, detail, watch.seconds)
     return 0 if record.is_complete else INCOMPLETE

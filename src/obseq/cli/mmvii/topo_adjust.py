@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     from obseq.project.options.bundle_options import TOPO, parse_options
 
     options, tree = parse_options(arguments.options, TOPO), ProjectTree.at(arguments.project)
-    outputs = outputs_of(arguments)
+    outputs, detail = outputs_of(arguments), detail_of(arguments)
     check_writable([path for path, _ in outputs])
     with Progress("reading") as progress:
         from obseq.project.networks import control_of, network_of, survey_points
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     if lost := said_of_those_without_place(adjustment.book):
         lines.append(lost)
     say("".join(f"{line}\n" for line in lines), [path for path, _ in outputs])
-    show_adjustment(record, outputs, detail_of(arguments), files)
+    show_adjustment(record, outputs, detail, files)
     return 0 if record.is_complete else INCOMPLETE
 
 

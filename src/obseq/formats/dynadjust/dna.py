@@ -24,7 +24,7 @@ from obseq.formats.dynadjust.records import (
     radians_of_parts,
 )
 from obseq.reading.angles import SECOND
-from obseq.reading.text import quoted, read_text
+from obseq.reading.text import parse_number, quoted, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -123,7 +123,10 @@ class DnaFile:
         text = self.text(index, span)
         if not text and default is not None:
             return default
-        return self.file.number(index, text, f"columns {span[0] + 1} to {span[1]}: {{}}")
+        try:
+            return parse_number(text)
+        except ValueError as error:
+            raise self.file.error(index, f"columns {span[0] + 1} to {span[1]}: {error}") from error
 
     def name(self, index: int, span: Span) -> str:
         """The name of a point in some columns of a line."""

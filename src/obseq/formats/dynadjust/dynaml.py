@@ -23,9 +23,11 @@ from obseq.formats.dynadjust.records import (
 )
 from obseq.reading.angles import SECOND
 from obseq.reading.text import quoted
+from obseq.reading.xml import children_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from obseq.arrays import FloatArray
     from obseq.reading.xml import Element
@@ -34,39 +36,34 @@ _MEMBERS = {"G": "GPSBaseline", "X": "GPSBaseline", "Y": "Clusterpoint"}
 _CROSSED = {"GPSBaseline": "GPSCovariance", "Clusterpoint": "PointCovariance"}
 
 
-class DynamlFile:
-    """One file, of which the root has been read."""
+def read_records(path: Path) -> tuple[Header, list[StationRecord], list[MeasurementRecord]]:
+    """The header of a file, its stations, and its measurements, those that are switched off as well."""
+    header = Header()
+    stations: list[StationRecord] = []
+    measurements: list[MeasurementRecord] = []
+    for root, element in children_of(path):
+        if not (stations or measurements):
+            header = _header(root)
+        if element.name == "DnaStation":
+            stations.append(_station(element))
+        elif element.name == "DnaMeasurement":
+            measurements.append(_measurement(element, header))
+    return header, stations, measurements
 
-    def __init__(self, root: Element) -> None:
-        self._root = root
-        self.header = Header(
-            root.attributes.get("referenceframe", "").strip(),
-            _epoch(root, root.attributes.get("epoch", "")),
-        )
 
-    def stations(self) -> Iterator[StationRecord]:
-        """The stations."""
-        for element in self._root.children:
-            if element.name == "DnaStation":
-                yield _station(element)
+def _header(root: Element) -> Header:
+    frame, epoch = (root.attributes.get(name, "") for name in ("referenceframe", "epoch"))
+    return Header(frame.strip(), _epoch(root, epoch))
 
-    def measurements(self) -> Iterator[MeasurementRecord]:
-        """The measurements, those that are switched off as well."""
-        for element in self._root.children:
-            if element.name == "DnaMeasurement":
-                yield self._measurement(element)
 
-    def _measurement(self, element: Element) -> MeasurementRecord:
-        code = element.content("Type")
-        if code not in TYPES or len(code) != 1:
-            raise element.error(f"{quoted(code)!r} is not a type of measurement ({', '.join(sorted(TYPES))})")
-        epoch = _epoch(element, element.content("Epoch", ""))
-        header = Header(
-            element.content("ReferenceFrame", "") or self.header.frame,
-            self.header.epoch if math.isnan(epoch) else epoch,
-        )
-        make = _cluster if code in _MEMBERS else _directions if code == "D" else _single
-        return make(element, code, header)
+def _measurement(element: Element, header: Header) -> MeasurementRecord:
+    code = element.content("Type")
+    if code not in TYPES or len(code) != 1:
+        raise element.error(f"{quoted(code)!r} is not a type of measurement ({', '.join(sorted(TYPES))})")
+    frame, epoch = element.content("ReferenceFrame", ""), _epoch(element, element.content("Epoch", ""))
+    own = Header(frame or header.frame, header.epoch if math.isnan(epoch) else epoch)
+    make = _cluster if code in _MEMBERS else _directions if code == "D" else _single
+    return make(element, code, own)
 
 
 def _station(element: Element) -> StationRecord:

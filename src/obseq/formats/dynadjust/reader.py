@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.dynadjust.dna import DnaFile
-from obseq.formats.dynadjust.dynaml import DynamlFile
+from obseq.formats.dynadjust.dynaml import read_records
 from obseq.formats.dynadjust.geoid import read_geoid
 from obseq.formats.dynadjust.measurements import field_book
 from obseq.formats.dynadjust.records import Header
 from obseq.formats.dynadjust.stations import Stations
 from obseq.formats.project import Project
-from obseq.reading.xml import read_xml
 from obseq.records.shown_units import ShownUnits
 
 if TYPE_CHECKING:
@@ -77,12 +76,11 @@ def read_dynaml(paths: tuple[Path, ...], reading: Reading) -> Project:
     Raises:
         InputError: Naming file and line, what is wrong and what to do.
     """
-    files = [DynamlFile(read_xml(path)) for path in paths]
-    stations = [list(file.stations()) for file in files]
-    header = next((file.header for file, found in zip(files, stations, strict=True) if found), Header())
-    measurements = [record for file in files for record in file.measurements()]
-    together = [record for found in stations for record in found]
-    return network_of(Content(header, together, measurements, tuple(map(str, paths))), reading)
+    files = [read_records(path) for path in paths]
+    header = next((header for header, stations, _ in files if stations), Header())
+    stations = [record for _, found, _ in files for record in found]
+    measurements = [record for _, _, found in files for record in found]
+    return network_of(Content(header, stations, measurements, tuple(map(str, paths))), reading)
 
 
 def network_of(content: Content, reading: Reading) -> Project:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from obseq.dataclass import dataclass
 from obseq.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,8 +22,7 @@ ONE_POINT = "HRPQIJY"
 TYPES = ANGLES + GEOGRAPHIC + LENGTHS + VECTORS
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """A place in a file, for messages.
 
     Attributes:
@@ -46,8 +43,7 @@ class Place:
         return InputError(f"{self.file}:{self.line}: {problem}")
 
 
-@dataclass(frozen=True)
-class Header:
+class Header(NamedTuple):
     """What a file says of all its records.
 
     Attributes:
@@ -59,8 +55,7 @@ class Header:
     epoch: float = math.nan
 
 
-@dataclass(frozen=True)
-class StationRecord:
+class StationRecord(NamedTuple):
     """A station.
 
     Attributes:
@@ -82,8 +77,7 @@ class StationRecord:
     place: Place
 
 
-@dataclass(frozen=True, eq=False)
-class Member:
+class Member(NamedTuple):
     """A direction of a set, or a vector or position of a cluster.
 
     Attributes:
@@ -105,8 +99,7 @@ class Member:
     place: Place
 
 
-@dataclass(frozen=True, eq=False)
-class MeasurementRecord:
+class MeasurementRecord(NamedTuple):
     """A measurement; lengths in metres, angles in radians.
 
     Attributes:
@@ -132,8 +125,8 @@ class MeasurementRecord:
     members: tuple[Member, ...] = ()
     scales: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     system: str = "XYZ"
-    header: Header = field(default_factory=Header)
-    place: Place = field(default_factory=lambda: Place("", 0))
+    header: Header = Header()
+    place: Place = Place("", 0)
 
 
 def radians_of_packed(value: float) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.gama import values
+from obseq.formats.gama.values import Value
 from obseq.reading.text import quoted
 from obseq.records.adjustment import UnusedRecord
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.formats.gama.points import PointTable
-    from obseq.formats.gama.values import Band, Value
+    from obseq.formats.gama.values import Band
     from obseq.reading.xml import Element
     from obseq.survey.kinds.kind import ObservationKind
 
@@ -355,7 +355,7 @@ def _measured(child: Element, kind: ObservationKind, hand: float) -> tuple[Value
     number = sign * value.number % FULL_TURN
     if kind is ZEN and number > math.pi:  # the instrument in its second face
         number, sign = FULL_TURN - number, -1.0
-    return replace(value, number=number), sign
+    return Value(number, value.unit), sign
 
 
 def _require_matrix(element: Element) -> None:

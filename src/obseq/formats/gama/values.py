@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ RADIANS_PER_CC = RADIANS_PER_GON * 1e-4
 MILLIMETRE = 1e-3
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """A value as written, in metres or radians.
 
     Attributes:

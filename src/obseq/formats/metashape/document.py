@@ -32,7 +32,11 @@ def read_document(path: Path) -> Element:
 def _note_archive(frame: Element, archive: Path) -> None:
     """Says of the tie points of a frame in which archive their files are."""
     for cloud in frame.named("point_cloud"):
-        cloud.attributes["archive"] = str(archive)
+        _set_archive(cloud, archive)
+
+
+def _set_archive(cloud: Element, archive: Path) -> None:
+    cloud.attributes = {**cloud.attributes, "archive": str(archive)}
 
 
 def _archived(path: Path) -> Element:
@@ -47,7 +51,9 @@ def _archived(path: Path) -> Element:
     chunks = [_beside(archive.parent, place) for place in places]
     for chunk, place in zip(chunks, places, strict=True):
         _put_frames(chunk, (archive.parent / place).parent)
-    return Element(root.file, "document", {}, root.line, chunks)
+    whole = Element(root.file, "document", {}, root.line)
+    whole.children = chunks
+    return whole
 
 
 def _beside(folder: Path, name: str) -> Element:
@@ -62,12 +68,12 @@ def _put_frames(chunk: Element, folder: Path) -> None:
     """Puts frames, and their tie points, which are in archives of their own, in their places."""
     for frame in items(chunk, "frames", "frame"):
         if name := frame.attributes.get("path"):
-            frame.children.extend(_beside(folder, name).children)
+            frame.children = [*frame.children, *_beside(folder, name).children]
         for cloud in frame.named("point_cloud"):
             if name and (inside := cloud.attributes.get("path")):
                 archive = (folder / name).parent / inside
-                cloud.children.extend(_beside((folder / name).parent, inside).children)
-                cloud.attributes["archive"] = str(archive)
+                cloud.children = [*cloud.children, *_beside((folder / name).parent, inside).children]
+                _set_archive(cloud, archive)
 
 
 def member(archive: Path, name: str = "doc.xml") -> bytes:

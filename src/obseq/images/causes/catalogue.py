@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -11,11 +11,10 @@ from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
 from obseq.images.adjustment.equations import roots_of
 from obseq.images.causes.registry import CAUSES
+from obseq.leastsquares.sparse import Sparse, on_diagonal, stacked
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from scipy.sparse import csr_array
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.diagnosis.linear import Linear
@@ -78,26 +77,21 @@ class Catalogue:
 
     def columns(self, linear: Linear) -> Columns:
         """What errors of one unit do to the equations at a linearisation; the unknowns are at it."""
-        from scipy.sparse import csc_array, csr_array, hstack
-
-        alone = (csr_array(linear.whitening) @ self._mixtures()).tocsc()
-        alone.data *= -1.0
+        alone = (cast("Sparse", linear.whitening) @ self._mixtures()).scaled(np.full(linear.n, -1.0))
         parameters = [self._of_parameter(linear, k) for k in range(len(self.numbering.parameters))]
-        own = csc_array(np.column_stack(parameters)) if parameters else csc_array((linear.n, 0))
-        made = csc_array(hstack([alone, own, self._of_held(linear)], format="csc"))
-        return Columns(made, np.arange(made.shape[1]) < linear.n)
+        own = Sparse.of_dense(np.reshape(parameters, (-1, linear.n)))
+        made = stacked([alone.T, own, self._of_held(linear).T])
+        return Columns(made, np.arange(made.shape[0]) < linear.n)
 
-    def _mixtures(self) -> csr_array:
+    def _mixtures(self) -> Sparse:
         """(n, n) from errors of observations to those of equations: coordinates may be whitened already."""
-        from scipy.sparse import block_diag, csr_array, eye_array
-
         numbering = self.numbering
         batch, given = numbering.equations.control
         if batch is None:
-            return csr_array(eye_array(numbering.n))
+            return Sparse.of_diagonal(np.ones(numbering.n))
         rest = numbering.n - numbering.first_control - len(given)
-        parts = [eye_array(numbering.first_control), csr_array(self._coordinates()), eye_array(rest)]
-        return csr_array(block_diag([part for part in parts if part.shape[0]]))
+        before, after = (Sparse.of_diagonal(np.ones(count)) for count in (numbering.first_control, rest))
+        return on_diagonal([before, Sparse.of_dense(self._coordinates()), after])
 
     def _coordinates(self) -> FloatArray:
         """(k, k) what one unit of each control coordinate is in the equations of its point."""
@@ -133,13 +127,11 @@ class Catalogue:
         change[: self.numbering.first_control][~np.repeat(self.numbering.kept, 2)] = 0.0
         return change
 
-    def _of_held(self, linear: Linear) -> csr_array:
+    def _of_held(self, linear: Linear) -> Sparse:
         """(n, h) what one unit of each held coordinate adds: all along one axis are moved at once."""
-        from scipy.sparse import csr_array
-
         numbering, equations = self.numbering, self.numbering.equations
         points, axes = numbering.held.T
-        made = csr_array((numbering.n, len(points)))
+        values, places, columns = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for axis in sorted(set(axes.tolist())):
             (own,) = np.nonzero(axes == axis)
             blocks = equations.points[points[own]]
@@ -148,8 +140,9 @@ class Catalogue:
             column[points[own]] = own
             of = np.repeat(column[numbering.point], 2)
             (rows,) = np.nonzero(of >= 0)
-            made = made + csr_array((change[rows], (rows, of[rows])), shape=made.shape)
-        return csr_array(linear.whitening @ made)
+            values, places, columns = [*values, change[rows]], [*places, rows], [*columns, of[rows]]
+        entries = np.concatenate(values), np.concatenate(places), np.concatenate(columns)
+        return cast("Sparse", linear.whitening) @ Sparse.of_entries(*entries, (numbering.n, len(points)))
 
     @property
     def _distance(self) -> float:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.leastsquares.sparse import Sparse
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from scipy.sparse import csr_array
 
     from obseq.arrays import BoolArray, FloatArray, IntRows
     from obseq.leastsquares.problem.batches import Batch
@@ -32,7 +32,7 @@ def cluster_pairs(batch: Batch, live: BoolArray) -> Iterator[IntRows]:
 
 def whitened_rows(
     table: UnknownTable, free: FreeUnknowns, batch: Batch, raw: FloatArray
-) -> tuple[csr_array, FloatArray]:
+) -> tuple[Sparse, FloatArray]:
     """Equations, observation by observation, whitened and over their sigmas.
 
     Args:
@@ -44,8 +44,6 @@ def whitened_rows(
     Returns:
         (n n_residuals, n_free) derivatives, and (n n_residuals,) residuals.
     """
-    from scipy.sparse import csr_array
-
     m, u = batch.shape.n_residuals, batch.shape.n_unknowns
     each = zip(batch.blocks, batch.shape.roles, strict=True)
     columns = np.hstack([free.number[table.consecutive(ids, role.size)] for ids, role in each])
@@ -53,34 +51,29 @@ def whitened_rows(
     kept = (columns >= 0) & batch.active.repeat(m)[:, None]
     value = raw[m:].reshape(m, u, batch.n).transpose(2, 0, 1).reshape(-1, u)[kept]
     ends = np.append(0, kept.sum(axis=1).cumsum())
-    plain = csr_array((value, columns[kept], ends), shape=(m * batch.n, len(free.scalars)))
+    plain = Sparse(value, columns[kept], ends, len(free.scalars))
     whitening = whitening_of(batch)
     return whitening @ plain, whitening @ raw[:m].T.ravel()
 
 
-def whitening_of(batch: Batch) -> csr_array:
+def whitening_of(batch: Batch) -> Sparse:
     """(n m, n m) what whitens residuals, observation by observation: roots of covariances and weights."""
-    from scipy.sparse import bsr_array, csr_array
-
     if batch.clusters is not None:
         return batch.whitening_matrix()
     weights = batch.weights[:, : batch.n].T
     if batch.is_correlated:
         roots = batch.whitened(np.repeat(np.eye(weights.shape[1])[:, :, None], batch.n, axis=2))
-        each = np.arange(batch.n + 1)
-        return csr_array(bsr_array((weights[:, :, None] * roots.transpose(2, 0, 1), each[:-1], each)))
-    values = weights.ravel()
-    each = np.arange(len(values) + 1)
-    return csr_array((values, each[:-1], each), shape=(len(values), len(values)))
+        return Sparse.of_blocks(weights[:, :, None] * roots.transpose(2, 0, 1))
+    return Sparse.of_diagonal(weights.ravel())
 
 
-def are_few(rows: csr_array) -> bool:
+def are_few(rows: Sparse) -> bool:
     """Whether rows (n, n_free) and their normal matrix are small as dense ones."""
     return bool(max(rows.shape) * rows.shape[1] <= FEW)
 
 
 def add_cluster(
-    rows: csr_array,
+    rows: Sparse,
     residuals: FloatArray,
     pattern: SymmetricPattern,
     values: FloatArray,
@@ -100,12 +93,11 @@ def add_cluster(
         values += (dense.T @ dense)[pattern.indices, pattern.columns()]
         gradient += residuals @ dense
         return float(residuals @ residuals)
-    transposed = rows.T.tocsr()
-    product = transposed @ rows
-    row = np.repeat(np.arange(pattern.n), np.diff(product.indptr))
-    lower = row >= product.indices
+    product = rows.T @ rows
+    row = np.repeat(np.arange(pattern.n), product.counts)
+    lower = row >= product.columns
     keys = pattern.columns() * pattern.n + pattern.indices
-    found = product.indices[lower].astype(np.int64) * pattern.n + row[lower]
-    values[np.searchsorted(keys, found)] += product.data[lower]
-    gradient += transposed @ residuals
+    found = product.columns[lower].astype(np.int64) * pattern.n + row[lower]
+    values[np.searchsorted(keys, found)] += product.values[lower]
+    gradient += rows.T @ residuals
     return float(residuals @ residuals)

@@ -88,7 +88,7 @@ class NormalEquations:
         self._elimination = Elimination(table, self.layout, len(self._shares)) if len(blocks) else None
         self._pair_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
-        self._store = aligned_zeros(self._shares.size)
+        self._store = np.zeros(0)  # made by the first assembly
         self._tiles: dict[tuple[int, int], FloatArray] = {}
         self._records: dict[tuple[int, int], FloatArray] = {}
         self._is_clean = True  # behind the matrix, all of it is zero; not so after an interrupted assembly
@@ -181,12 +181,8 @@ class NormalEquations:
         """The equations before damping and elimination."""
         self.evaluations += 1
         self.reweight()
-        squares: dict[str, float] = {}
         self._clean()
-        for batch, total in zip(self.batches, self._added_up(), strict=True):
-            if not math.isfinite(total):
-                raise DivergenceError(why_not_finite(self.table, [batch]))
-            squares[batch.group] = squares.get(batch.group, 0.0) + total
+        squares = self._by_group(self._added_up())
         values, gradient = self._matrix_and_gradient()
         self._is_clean = True
         self._add_priors(values, gradient, squares)
@@ -218,10 +214,17 @@ class NormalEquations:
             raise DivergenceError(why_not_finite(self.table, self.batches))
         return Linearisation(values, gradient, whole.squares, eliminated, damping, whole.diagonal)
 
+    def rest(self) -> None:
+        """Gives the memory of the matrix back until the next assembly, where nothing else needs it."""
+        if self._elimination is None:
+            self._store, self._kept = np.zeros(0), self._kept._replace(values=np.zeros(0))
+
     def _clean(self) -> None:
         """Makes the store all zero; the mark that it is goes first."""
         was_clean, self._is_clean = self._is_clean, False
-        if was_clean:
+        if not len(self._store):
+            self._store = aligned_zeros(self._shares.size)
+        elif was_clean:
             self._store[: self.pattern.nnz] = 0.0
             self._store[self.layout.first_eliminated :] = 0.0
         else:
@@ -260,19 +263,17 @@ class NormalEquations:
             raw: `raw_residuals` at the current values, where they are known.
         """
         self.evaluations += 1
-        squares: dict[str, float] = {}
         with np.errstate(over="ignore", invalid="ignore"):
-            totals = [
-                float(np.square(self._weighted(batch, raw[batch].T if raw else None)).sum())
-                for batch in self.batches
-            ]
-        for batch, total in zip(self.batches, totals, strict=True):
-            if not math.isfinite(total):
-                raise DivergenceError(why_not_finite(self.table, [batch]))
-            squares[batch.group] = squares.get(batch.group, 0.0) + total
-        for prior in self.priors:
-            squares[prior.group] = squares.get(prior.group, 0.0) + prior.sum_of_squares(self.table.values)
-        return squares
+            weighted = (self._weighted(batch, raw[batch].T if raw else None) for batch in self.batches)
+            totals = [float(np.square(one).sum()) for one in weighted]
+        squares = self._by_group(totals)
+        return _count(self.priors, [p.sum_of_squares(self.table.values) for p in self.priors], squares)
+
+    def _by_group(self, totals: list[float]) -> dict[str, float]:
+        """Sums of squares by group, from those of all batches."""
+        if not all(map(math.isfinite, totals)):
+            raise DivergenceError(why_not_finite(self.table, self.batches))
+        return _count(self.batches, totals, {})
 
     def weighted_residuals(self) -> FloatArray:
         """(m,) residuals over their sigmas, then priors; robust weights as of the last linearisation."""

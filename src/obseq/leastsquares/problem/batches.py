@@ -22,12 +22,12 @@ from obseq.leastsquares.problem.losses import named_loss
 from obseq.leastsquares.problem.padding import fill_padded, padded, padded_length
 from obseq.leastsquares.problem.shapes import carried_of
 from obseq.leastsquares.problem.weights import Weighing, root_weights
+from obseq.leastsquares.sparse import Sparse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from numpy.typing import ArrayLike
-    from scipy.sparse import csr_array
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.problem.clusters import Covariance
@@ -294,22 +294,21 @@ class Batch:
         self.clusters = Clusters(covariance, self.n * self.shape.n_residuals, f"{self.name}, covariance")
         self.sigmas = np.ones((self.n, self.shape.n_residuals))
 
-    def whitening_matrix(self) -> csr_array:
+    def whitening_matrix(self) -> Sparse:
         """(n m, n m) what makes the residuals of clusters, observation by observation, uncorrelated.
 
         Each is divided by its factor `sigmas`, and by the root of its robust weight.
         """
         whitening = self._weighed.whitening
         assert whitening is not None
-        weights, scaled = self.weights[:, : self.n].T.ravel(), whitening.copy()
-        scaled.data *= np.repeat(weights, np.diff(scaled.indptr))
-        return scaled
+        return whitening.scaled(self.weights[:, : self.n].T.ravel())
 
     def cluster_roots(self, members: IntArray) -> FloatArray:
         """(k, m, m) parts of the whitening matrix that belong to the residuals (k, m) of clusters."""
-        matrix, (count, m) = self.whitening_matrix(), members.shape
-        rows, columns = np.broadcast_arrays(members[:, :, None], members[:, None, :])
-        return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(count, m, m)
+        matrix, place = self.whitening_matrix(), np.empty(self.n * self.shape.n_residuals, dtype=np.int64)
+        own, (count, m) = matrix.some(members.ravel()), members.shape
+        place[members] = np.arange(m)
+        return Sparse(own.values, place[own.columns], own.starts, m).toarray().reshape(count, m, m)
 
     def whitened(self, rows: FloatArray, chosen: IntArray | slice | None = None) -> FloatArray:
         """(m, k, n) residual rows times the roots of the inverse covariances; as they are without any.

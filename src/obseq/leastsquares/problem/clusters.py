@@ -8,11 +8,10 @@ import numpy as np
 
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite
+from obseq.leastsquares.sparse import Sparse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from scipy.sparse import csr_array
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
 
@@ -68,13 +67,11 @@ class Clusters:
                 chosen = index[count == m]
                 yield chosen[active[chosen]].reshape(-1, m)
 
-    def whitening(self, active: BoolArray) -> csr_array:
+    def whitening(self, active: BoolArray) -> Sparse:
         """(n, n) W, with W' W the inverse covariance of the active residuals (n,); zero for the others."""
-        from scipy.sparse import coo_array
-
         entries = [_whitening_entries(index, matrices, active[index]) for index, matrices in self._stacks]
         rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-        return coo_array((values, (rows, columns)), shape=(self._n, self._n)).tocsr()
+        return Sparse.of_entries(values, rows, columns, (self._n, self._n))
 
 
 def _stacked(parts: list[tuple[IntArray, FloatArray]]) -> list[tuple[IntArray, FloatArray]]:

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import ArrayLike
-    from scipy.sparse import csr_array
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.leastsquares.sparse import Sparse
 
 
 class Weighted(Protocol):
@@ -72,7 +72,7 @@ class Weighing:
     sigmas: FloatArray
     active: BoolArray
     roots: FloatArray
-    whitening: csr_array | None
+    whitening: Sparse | None
     robust: FloatArray | None = None
 
     @property

@@ -131,8 +131,12 @@ class BaseSolver(ABC):
         return self._solve(right.reshape(self.pattern.n, -1)).reshape(right.shape)
 
     def selected_inverse(self) -> FloatArray:
-        """(nnz,) entries of the inverse at the entries of the pattern, in its order."""
+        """(nnz,) entries of the inverse at the entries of the pattern, in its order.
+
+        The values of the matrix, which only another factorisation would ask for, are forgotten.
+        """
         self._require_regular()
+        self._values = np.empty(0)
         return self._selected_inverse() if self.pattern.n else np.empty(0)
 
     def inverse_parts(self) -> InverseParts:

@@ -15,7 +15,7 @@ from obseq.leastsquares.solvers.ordering import checked_ordering, resolve_orderi
 from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import SUSPICIOUS, defect_of, undetermined
 from obseq.leastsquares.solvers.schedule import plan, run_tasks
-from obseq.leastsquares.solvers.substitution import substitute_backward, substitute_forward
+from obseq.leastsquares.solvers.substitution import quadratic_forms, substitute_backward, substitute_forward
 from obseq.leastsquares.solvers.symbolic import analyse_pattern
 
 if TYPE_CHECKING:
@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
     Substitution = Callable[..., None]
 
+AT_ONCE, NUMBERS = 64, 4_000_000
+"""Sparse right-hand sides that are met together: as many as share what is in cache, in 32 MB."""
 WORKING_ROOM = ("_workspace", "_scratch")
 """Arrays that are filled anew at each call."""
 
@@ -81,7 +83,7 @@ class SupernodalCholesky(BaseSolver):
         self._structure = structure
         self._schedule = plan(structure, self._threads)
         self._panels = np.empty(structure.panel_at[-1])
-        self._workspace = np.empty(self._schedule.shared_room + self._threads * self._schedule.update_room)
+        self._workspace = np.empty(0)
         self._scratch = np.empty((self._threads, int(np.max(structure.width, initial=0)) ** 2))
         self._pivots = np.empty(pattern.n)
         self._schur = None
@@ -95,6 +97,7 @@ class SupernodalCholesky(BaseSolver):
     def _factor_until(self, values: FloatArray, tolerance: float, diagonal: FloatArray | None = None) -> None:
         """Factors all supernodes but that of the last unknowns, which is assembled."""
         schedule = self._schedule
+        self._have_room(self._rooms()[0])
         measure = values[self.pattern.diagonal] if diagonal is None else diagonal
         self._pivots[:] = measure[self._structure.unknowns]
 
@@ -272,6 +275,33 @@ class SupernodalCholesky(BaseSolver):
             self._sweep(substitute, x, len(self._structure.parent))
         return self._unpermuted(x)
 
+    def quadratic_forms(self, values: FloatArray, columns: IndexArray, starts: IntArray) -> FloatArray:
+        """(k,) b N^-1 b' of sparse rows b, each met where its entries lead to.
+
+        Args:
+            values: (nnz,) entries, row by row.
+            columns: (nnz,) the column of each.
+            starts: (k + 1,) where each row begins among them.
+        """
+        if self.defect().dimension:
+            raise SolverStateError(f"{self.name}: the last matrix is singular, and has no inverse")
+        s, n, result = self._structure, self.pattern.n, np.zeros(len(starts) - 1)
+        place = np.empty(n, np.int64)
+        place[s.unknowns] = np.arange(n)
+        places = place[columns]
+        nodes = np.searchsorted(s.start, places, "right") - 1
+        order = np.argsort(np.append(nodes, 0)[starts[:-1]], kind="stable")  # those that lead the same way
+        many = max(1, min(AT_ONCE, NUMBERS // max(n, 1), len(order)))
+        x, is_met = np.zeros((many, n)), np.zeros(len(s.parent), np.bool_)
+        scratch = np.empty(many * int(np.max(s.below, initial=0)))
+        entries = starts, places, nodes, values
+        with one_blas_thread():
+            for first in range(0, len(order), many):
+                rows = order[first : first + many]
+                room = x[: len(rows)], is_met, scratch
+                quadratic_forms(s, self._panels, rows, *entries, *room, routine_addresses(), result)
+        return result
+
     def _sweep(self, substitute: Substitution, x: FloatArray, stop: int) -> None:
         scratch = np.empty(int(np.max(self._structure.below, initial=0)))
         with one_blas_thread():
@@ -283,9 +313,7 @@ class SupernodalCholesky(BaseSolver):
     def _invert(self, stop: int, last_inverse: FloatArray) -> FloatArray:
         """Selected inverse; the supernodes from `stop` on have this inverse (lower triangle)."""
         schedule, structure = self._schedule, self._structure
-        room = schedule.shared_room + self._threads * schedule.front_room
-        if len(self._workspace) < room:
-            self._workspace = np.empty(room)
+        self._have_room(self._rooms()[1])
         scratch = np.empty((self._threads, int(np.max(structure.width * structure.front, initial=0))))
         selected = np.empty(self.pattern.nnz)
 
@@ -311,7 +339,19 @@ class SupernodalCholesky(BaseSolver):
 
         with one_blas_thread():
             run_tasks(schedule, run, self._threads, upwards=False)
+        self._workspace = np.empty(0)
         return selected
+
+    def _rooms(self) -> tuple[int, int]:
+        """Numbers that a factorisation, and the inverse, have in their workspace."""
+        shared = self._schedule.shared_room
+        own = self._schedule.update_room, self._schedule.front_room
+        return shared + self._threads * own[0], shared + self._threads * own[1]
+
+    def _have_room(self, room: int) -> None:
+        """Room to work in, which is kept from one factorisation to the next, and not beyond the inverse."""
+        if len(self._workspace) < room:
+            self._workspace = np.empty(room)
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -325,5 +365,5 @@ class SupernodalCholesky(BaseSolver):
             nnz_pattern=self.pattern.nnz,
             nnz_factor=int(np.sum(width * (width + 1) / 2 + width * below)),
             flops=float(np.sum(width**3 / 3 + width**2 * below + width * below**2)),
-            memory=self._panels.nbytes + self._workspace.nbytes + self._scratch.nbytes,
+            memory=self._panels.nbytes + 8 * max(self._rooms()) + self._scratch.nbytes,
         )

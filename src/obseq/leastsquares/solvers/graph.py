@@ -56,16 +56,24 @@ class Grouping:
     n_last: int
 
 
+def _scattered(numbers: IntArray) -> KeyArray:
+    """(n,) each of some numbers scattered over 64 bits, none to 0: SplitMix64 (Steele, Lea, Flood 2014)."""
+    found = (numbers.astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        found = (found ^ (found >> np.uint64(shift))) * np.uint64(factor)
+    return found ^ (found >> np.uint64(31))
+
+
 def group_indistinguishable(pattern: SymmetricPattern, last: IntArray) -> Grouping:
     """Merges unknowns that have the same neighbours, themselves included; those of `last` stay alone.
 
-    Equal sets are recognised by the sum of one random number of 64 bits per neighbour.
+    Equal sets are recognised by the sum of one scattered number of 64 bits per neighbour.
     """
-    keys = np.random.default_rng(0).integers(0, 2**64, pattern.n + 1, dtype=np.uint64)
+    keys = _scattered(np.arange(pattern.n + 1))
     indices = pattern.indices.astype(np.int32, copy=False)
     signatures = keys[:-1].copy()
     sum_keys(pattern.indptr, indices, keys, signatures)
-    signatures[last] = np.random.default_rng(1).integers(0, 2**64, len(last), dtype=np.uint64)  # unlike all
+    signatures[last] = _scattered(pattern.n + 1 + np.arange(len(last)))  # unlike all
     _, leaders, groups = np.unique(signatures, return_index=True, return_inverse=True)
     rank = leaders.copy()
     rank[groups[last]] += pattern.n  # numbered after all others, in their order

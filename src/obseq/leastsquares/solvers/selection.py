@@ -50,14 +50,14 @@ def choose_solver(pattern: SymmetricPattern, name: str = "auto", *, threads: int
 
         return SupernodalCholesky(threads=threads)
     if name == "pardiso":
-        from obseq.leastsquares.solvers.pardiso import Pardiso
+        from obseq.leastsquares.solvers.outside.pardiso import Pardiso
 
         return Pardiso()
     if name == "superlu":
-        from obseq.leastsquares.solvers.superlu import SuperLU
+        from obseq.leastsquares.solvers.outside.superlu import SuperLU
 
         return SuperLU()
-    from obseq.leastsquares.solvers.cholmod import Cholmod
+    from obseq.leastsquares.solvers.outside.cholmod import Cholmod
 
     return Cholmod()
 

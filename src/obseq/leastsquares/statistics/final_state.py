@@ -16,10 +16,10 @@ from obseq.leastsquares.assembly.evaluation import evaluate_members, whitened_re
 from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, SparseInverse
 from obseq.leastsquares.problem.padding import PADDING, padded_length
 from obseq.leastsquares.problem.weights import root_weights
+from obseq.leastsquares.sparse import Sparse, symmetric
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-    from scipy.sparse import csr_array
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
@@ -126,7 +126,7 @@ class FinalState:
         values = self.cofactors.parts.values
         return SparseInverse(self.equations.free.number, values, pattern.indptr, indices)
 
-    def cluster_rows(self, batch: Batch) -> csr_array:
+    def cluster_rows(self, batch: Batch) -> Sparse:
         """(n n_residuals, n_free) whitened rows of observations of clusters, or not correlated at all."""
         raw = self._raw_rows(batch, slice(0, batch.n))
         return whitened_rows(self.equations.table, self.equations.free, batch, raw)[0]
@@ -134,12 +134,12 @@ class FinalState:
     def _cluster_leverages(self, batch: Batch) -> FloatArray:
         """(n, n_residuals) a Q a' of the whitened rows, whose unknowns are all joined in the pattern."""
         rows, parts = self.cluster_rows(batch), self.cofactors.parts
-        products = (rows @ self.equations.pattern.matrix(parts.values)).multiply(rows).sum(axis=1)
+        products = rows.dots(rows @ symmetric(self.equations.pattern, parts.values))
         moved = rows @ parts.vectors
         weak = (moved @ parts.core * moved).sum(axis=1)
-        return np.asarray(np.asarray(products).ravel() + weak).reshape(batch.n, -1)
+        return np.asarray(products + weak).reshape(batch.n, -1)
 
-    def cluster_cofactors(self, rows: csr_array, members: IntArray) -> FloatArray:
+    def cluster_cofactors(self, rows: Sparse, members: IntArray) -> FloatArray:
         """(k, m, m) products A Q A' of whitened rows, for the rows (k, m) of clusters of one size.
 
         The unknowns of one cluster are all joined in the pattern.
@@ -153,11 +153,9 @@ class FinalState:
         keys = pattern.columns() * pattern.n + pattern.indices
         result = np.empty((len(members), count, count))
         for k, cluster in enumerate(members):
-            entries = [slice(rows.indptr[row], rows.indptr[row + 1]) for row in cluster]
-            columns = np.unique(np.concatenate([rows.indices[part] for part in entries]))
-            dense = np.zeros((count, len(columns)))
-            for line, part in zip(dense, entries, strict=True):
-                line[np.searchsorted(columns, rows.indices[part])] = rows.data[part]
+            own = rows.some(cluster)
+            columns, place = np.unique(own.columns, return_inverse=True)
+            dense = Sparse(own.values, place, own.starts, len(columns)).toarray()
             low = np.minimum.outer(columns, columns).astype(np.int64)
             places = np.searchsorted(keys, low * pattern.n + np.maximum.outer(columns, columns))
             result[k] = weak[k] + dense @ parts.values[places] @ dense.T
@@ -197,7 +195,7 @@ class FinalState:
     def influences(self, batch: Batch, chosen: IntArray) -> FloatArray:
         """(n_free, k) what unit biases of observations (k,) of one residual do to the right-hand side."""
         if batch.clusters is not None:
-            return np.asarray((self.cluster_rows(batch).T @ batch.whitening_matrix()[:, chosen]).toarray())
+            return (batch.whitening_matrix().T.some(chosen) @ self.cluster_rows(batch)).toarray().T
         weights = self.weighing(batch).robust_weights()[chosen] * self.whitening(batch, chosen)[:, 0, 0]
         return np.asarray(self.rows(batch, chosen)[:, 0].T * weights)
 
@@ -213,15 +211,20 @@ class FinalState:
     def _alone_in_cluster(self, batch: Batch, row: int) -> Alone:
         """The same of an observation that is correlated with others: P = W' W is the inverse covariance."""
         m, root = batch.shape.n_residuals, batch.whitening_matrix()
-        own = root[:, m * row : m * (row + 1)].toarray()
+        own = root.T.some(np.arange(m * row, m * (row + 1))).toarray().T
         weighted = own.T @ (root @ np.nan_to_num(self.result.residuals(batch)).ravel())
-        upper = np.linalg.cholesky(own.T @ own).T
+        upper = np.asarray(np.linalg.cholesky(own.T @ own).T, dtype=np.float64)
         rows = (self.cluster_rows(batch).T @ own).T
-        return Alone(np.linalg.solve(upper.T, rows), np.linalg.solve(upper.T, weighted), upper, 1.0)
+        solved = np.asarray(np.linalg.solve(upper.T, np.column_stack([rows, weighted])), dtype=np.float64)
+        return Alone(solved[:, :-1], solved[:, -1], upper, 1.0)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Q times right-hand sides (n_free,) or (n_free, k)."""
         return self.cofactors.solve(rhs)
+
+    def quadratic_forms(self, rows: Sparse) -> FloatArray:
+        """(k,) b Q b' of the rows b of a sparse matrix (k, n_free)."""
+        return self.cofactors.quadratic_forms(rows)
 
     def all_unknowns(self, free: FloatArray) -> FloatArray:
         """(n_scalars,) from (n_free,): zeros where frozen."""

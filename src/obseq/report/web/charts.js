@@ -3,6 +3,7 @@
 const CHART = { width: 420, height: 240, left: 46, right: 10, top: 10, bottom: 34 };
 const MOST_DOTS = 800;
 const TALL_IMAGE = 300;
+const LONGEST_ARROW = 66;
 
 /** Places of values on an axis of the chart: a function of the value. */
 function axis(low, high, start, end) {
@@ -129,18 +130,23 @@ const scaleOfImage = (width, height) => Math.min((CHART.width - 20) / width, TAL
 const inside = (x, y, text, strength) => svg("text", { x, y: y + 3.5, class: strength > 0.5 ? "in light" : "in" }, [text]);
 
 /** Residuals on the frame of an image or a camera, enlarged; suspected ones in rings. */
-function imageFrame({ title, width, height, x, y, dx, dy, suspected = [], note = "" }) {
+function imageFrame({ title, width, height, x, y, dx, dy, suspected, note }) {
   const [scale, base] = [scaleOfImage(width, height), height * scaleOfImage(width, height) + 10];
   const lengths = dx.map((value, k) => Math.hypot(value, dy[k]));
-  const factor = 22 / (high(lengths, 0.95) || 1);
+  const usualOnes = lengths.filter((_, k) => !suspected.includes(k));
+  const factor = 22 / (high(usualOnes, 0.95) || high(lengths, 1) || 1);
   const place = (k) => [10 + x[k] * scale, 10 + y[k] * scale];
   const arrows = new SvgPath();
-  dx.forEach((value, k) => arrow(arrows, ...place(k), place(k)[0] + value * factor, place(k)[1] + dy[k] * factor));
+  dx.forEach((value, k) => {
+    const by = factor * Math.min(1, LONGEST_ARROW / (lengths[k] * factor || 1));
+    arrow(arrows, ...place(k), place(k)[0] + value * by, place(k)[1] + dy[k] * by);
+  });
+  const cut = high(lengths, 1) * factor > LONGEST_ARROW ? `; arrows beyond ${significant(LONGEST_ARROW / factor)} px are drawn shorter` : "";
   const rings = suspected.map((k) => svg("circle", { cx: place(k)[0], cy: place(k)[1], r: 7, class: "ring bad" }));
   const usual = roundBelow(30 / factor);
   const parts = [svg("rect", { x: 10, y: 10, width: width * scale, height: height * scale, class: "axis" }), svg("path", { d: arrows.d, class: "arrow" }), ...rings,
     svg("path", { d: `M14 ${base + 10}h${usual * factor}`, class: "arrow" }), svg("text", { x: 20 + usual * factor, y: base + 14 }, [`${significant(usual)} px`])];
-  return chart(title, note || `${dx.length} residuals, rms ${significant(Math.sqrt(lengths.reduce((sum, value) => sum + value * value, 0) / Math.max(2 * dx.length, 1)))} px per coordinate`, parts, base + 20);
+  return chart(title, `${note}${cut}`, parts, base + 20);
 }
 
 /** Residuals by the distance from the principal point. */

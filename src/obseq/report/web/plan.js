@@ -10,6 +10,8 @@ const MOST_NAMES = 600;
 const LEAST_NAME = 4;
 const MOST_UNPLACED = 30;
 const MOST_SIGHTS = 20000;
+/** Sights that hide points and names unless they are pale. */
+const MANY_SIGHTS = 1000;
 const TYPE_COLOURS = ["#4477aa", "#cc6677", "#228833", "#b8860b", "#66a5c9", "#aa3377", "#888888", "#e07b39", "#44aa99", "#8866cc"];
 const PLACES_OF_NAMES = [[9, 4, 0], [-9, 4, 1], [0, -11, 0.5], [0, 20, 0.5], [8, -8, 0], [8, 16, 0], [-8, -8, 1], [-8, 16, 1]];
 
@@ -180,7 +182,7 @@ class Plan {
       else for (const [look, shift] of this.looks(pair)) addLine(sheet, lines, look, from, to, shift);
     }
     this.isCut = count > MOST_SIGHTS;
-    const alpha = this.selection.points?.length ? 0.35 : count > 1500 && this.isCrowded ? 0.45 : 0.8;
+    const alpha = this.selection.points?.length || count > MANY_SIGHTS ? 0.35 : 0.8;
     for (const { style, width, isDashed, paths } of lines.values()) {
       for (const path of paths) sheet.stroke(path, style, width, { dash: isDashed ? [5, 4] : [], alpha });
     }
@@ -300,14 +302,23 @@ class Plan {
     sheet.stroke(lost, colour("bad"), 2);
   }
 
-  /** Sights to points without a place: a dashed ray of a length that says nothing, with the name at its end. */
+  /** Sights to points without a place: a dashed ray of a length that says nothing. */
   drawRays(sheet) {
     for (const [point, east, north, name] of this.content.rays) {
       const [x, y] = this.place(point);
       const path = sheet.path();
       arrow(path, x, y, x + RAY * east, y - RAY * north);
       sheet.stroke(path, colour("bad"), 1.2, { dash: [6, 4] });
-      sheet.text(`${name}?`, x + (RAY + 8) * east, y - (RAY + 8) * north, { style: colour("tx") });
+    }
+  }
+
+  /** The names at the ends of rays; those without room stand in the legend. */
+  nameRays(sheet, room) {
+    for (const [point, east, north, name] of this.content.rays) {
+      const [text, [x, y]] = [`${name}?`, this.place(point)];
+      const wide = sheet.wide(text, 12, 400);
+      const [left, base] = [x + (RAY + 8) * east - (east < 0 ? wide : 0), y - (RAY + 8) * north];
+      if (this.holds(left, base, wide) && room.take(left - 1, base - 10, wide + 2, 12)) sheet.text(text, left, base, { style: colour("tx"), halo: colour("halo") });
     }
   }
 
@@ -331,6 +342,7 @@ class Plan {
     for (const [, x, y] of this.inside) room.fill(x - 5, y - 5, 10, 10);
     room.fill(0, 0, 46, 62);
     room.fill(0, this.height - BARS, this.width, BARS);
+    this.nameRays(sheet, room);
     let count = 0;
     const ranked = Array.from({ length: this.isCrowded ? 4 : 5 }, () => []);
     for (const one of this.inside) ranked[rank(one[0])]?.push(one);

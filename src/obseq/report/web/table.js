@@ -111,7 +111,7 @@ class Table {
 
   refresh() {
     this.rows = this.sorted(this.rowsOf(this.filter));
-    this.count.textContent = this.rows.length === this.size ? `${this.size} rows` : `${this.rows.length} of ${this.size} rows`;
+    this.count.textContent = this.rows.length === this.size ? `${this.size} ${this.size === 1 ? "row" : "rows"}` : `${this.rows.length} of ${this.size} rows`;
     this.grid.setAttribute("aria-rowcount", String(this.rows.length + 1));
     this.draw(true);
   }

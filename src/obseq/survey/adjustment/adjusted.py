@@ -236,7 +236,9 @@ class Adjustment(Asked):
     def _points(self) -> Rows[PointRecord]:
         points, n = self.points, len(self.points.names)
         columns = points.columns({item.name for item in self.replaced})
-        columns |= ellipse_columns(self._ellipses(), points.has_plan)
+        columns |= ellipse_columns(
+            self._ellipses(), points.has_plan & ~points.points.is_held[:, :2].all(axis=1)
+        )
         if self.quality.ellipsoids and self.solution.weak is None:
             redundancy = None if self.quality.a_priori else self.solution.redundancy
             columns |= ellipsoid_columns(

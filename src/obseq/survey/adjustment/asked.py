@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
+from obseq.errors import InputError
 from obseq.leastsquares.solution.export import as_table
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.records.table import table_of
@@ -94,10 +95,14 @@ class Asked:
             level: Probability that the true point is inside; None for the standard ellipse.
 
         Raises:
-            InputError: The point is not in the network, or the level is no probability.
+            InputError: The point is not in the network, its plan is held, or the level is no probability.
         """
         redundancy = None if self.quality.a_priori else self.solution.redundancy
         block = self.covariance(name)[None]
+        if not block[0, :2, :2].any():
+            raise InputError(
+                f"{name} has no ellipse: its x and y are held; covariance({name!r}) has its height"
+            )
         return next(iter(ellipse_records(ellipses_of((name,), block, level, redundancy))))
 
     def plot(self, level: float | None = 0.95, residuals: bool = False, axes: Axes = None) -> Axes:

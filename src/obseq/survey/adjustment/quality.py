@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from obseq.survey.model import FieldBook
 
 STATISTICS = ("w", "tau")
+ROUNDED = 1e-6
+"""sigma0 below which residuals are rounding: at 1000 km coordinates end at 1e-10 m, for a sigma of 0.1 mm."""
 _STATISTIC = Expected('"w" or "tau"', lambda value: value in STATISTICS)
 _KINDS = {
     "reliability": TRUTH,
@@ -99,6 +101,7 @@ class Examination:
         components: The variance components; None when not asked for.
         relative: Precision of pairs of points that observations join; None when not asked for.
         effects: What detectable biases do, by the identity of the batch; None when not asked for.
+        failures: What was asked for and could not be found out, a sentence each.
     """
 
     wanted: Quality
@@ -107,15 +110,21 @@ class Examination:
     components: VarianceComponents | None = None
     relative: RelativePrecision | None = None
     effects: Mapping[int, Effects] | None = None
+    failures: tuple[str, ...] = ()
 
     @property
     def a_priori(self) -> bool:
         """Whether precisions are those of the given sigmas."""
-        return self.wanted.a_priori or self.solution.variance_factor is None
+        return _is_a_priori(self.wanted, self.solution)
 
     def relative_ellipses(self) -> ErrorEllipses | None:
         """The relative ellipses, at the level asked for."""
         return None if self.relative is None else self.relative.ellipses(self.wanted.ellipses)
+
+
+def _is_a_priori(wanted: Quality, solution: LeastSquaresResult) -> bool:
+    """Whether precisions are those of the given sigmas: as asked for, or as the residuals say nothing."""
+    return wanted.a_priori or (solution.variance_factor or 0.0) < ROUNDED**2
 
 
 def examine(
@@ -140,15 +149,17 @@ def examine(
     solution = system.solve(covariance=True, **solving)
     if not solution.n_unknowns or solution.weak is not None:  # normalised residuals say what there is to say
         return Examination(wanted, solution)
-    components = _components(equations, book, solving) if wanted.variance_components else None
+    components, failures = _components(equations, book, solving) if wanted.variance_components else (None, ())
     solution = components.result if components else solution
     levels = wanted.level, wanted.power
     quality = None
     if wanted.reliability:
         quality = reliability(system, solution, *levels, groups=joint_groups(equations, book))
-    relative = _relative(equations, book, solution, wanted.a_priori) if wanted.relative else None
+    relative = (
+        _relative(equations, book, solution, _is_a_priori(wanted, solution)) if wanted.relative else None
+    )
     effects = _effects(equations, quality) if wanted.effects and quality else None
-    return Examination(wanted, solution, quality, components, relative, effects)
+    return Examination(wanted, solution, quality, components, relative, effects, failures)
 
 
 def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects]:
@@ -159,23 +170,37 @@ def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects
     return {id(batch): effects_of_biases(quality, batch, equations.points) for batch in batches}
 
 
-def _components(equations: Equations, book: FieldBook, solving: Mapping[str, Any]) -> VarianceComponents:
+def _components(
+    equations: Equations, book: FieldBook, solving: Mapping[str, Any]
+) -> tuple[VarianceComponents | None, tuple[str, ...]]:
+    """The components that the network controls, and what could not be estimated."""
     if book.observations.relative_sigmas.any():
-        raise InputError(
-            "variance components: some sigmas have a part relative to the distance, which no factor holds; "
-            "give absolute sigmas, or --ignore relative-sigmas"
+        return None, (
+            "no variance components: some sigmas have a part relative to the distance, which no factor "
+            "holds; give absolute sigmas, or --ignore relative-sigmas",
         )
     from obseq.leastsquares.statistics import variance_components as engine
 
-    system = equations.system
+    system, failures = equations.system, []
     groups = list(dict.fromkeys(batch.group for _, batch in equations.batches.values()))
     is_large = system.n_unknowns > engine.EXACT_LIMIT
-    return engine.variance_components(
-        system,
-        engine.group_components(system, groups),
-        method=engine.Method.REDUNDANCY if is_large else engine.Method.LS_VCE,
-        solve_options=solving,
-    )
+    method = engine.Method.REDUNDANCY if is_large else engine.Method.LS_VCE
+    solved = system.unknowns.state()
+    while groups:
+        components = engine.group_components(system, groups)
+        try:
+            found = engine.variance_components(system, components, method=method, solve_options=solving)
+        except engine.UncontrolledError as error:
+            groups.remove(error.name)
+            failures.append(f"no variance component of {error.name}: nothing controls it; its sigmas stay")
+        except InputError as error:
+            failures.append(f"no variance components: {error}")
+            break
+        else:
+            return found, tuple(failures)
+        system.unknowns.restore(solved)
+    system.unknowns.restore(solved)
+    return None, tuple(failures)
 
 
 def _relative(
@@ -190,7 +215,7 @@ def _relative(
     if not apart.any():
         return None
     first, second = equations.points[pairs[apart]].T
-    return relative_precision(solution, first, second, a_priori or solution.variance_factor is None)
+    return relative_precision(solution, first, second, a_priori)
 
 
 def of_observations(equations: Equations, part: Reliability, name: str, n: int) -> FloatArray:

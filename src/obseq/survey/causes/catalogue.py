@@ -11,10 +11,11 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.leastsquares.sparse import Sparse
 from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.diagnosis.linear import Linear
     from obseq.survey.causes.cause import Cause, Groups, KnownCause
     from obseq.survey.causes.effects import Effects
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
 _FEW = 200_000
-"""Entries up to which matrices are plain arrays: sparse ones take longer to begin, and SciPy to load."""
+"""Entries up to which matrices are plain arrays: sparse ones take longer to begin."""
 RARITY = {ROW: 0.0, KNOWN: 1.0, KNOWN_PLAN: 4.0}
 
 
@@ -151,33 +152,45 @@ class Catalogue:
 
     def columns(self, linear: Linear, equations: Equations, effects: Effects) -> Columns:
         """What errors of one unit do to the equations, at a linearisation."""
-        scales = equations.scales(effects.coordinates)
-        first, n = len(self.rows), linear.n
-        own = np.append(-scales[self.rows], np.full(len(self.known), -1.0))
-        values, places, columns, start = [own], [np.arange(n)], [np.arange(n)], self._n_alone
+        is_local = np.arange(self._n_columns) < self._n_alone
+        values, places, starts = self._entries(equations, effects)
+        if isinstance(linear.whitening, np.ndarray):
+            plain = np.zeros((linear.n, self._n_columns))
+            plain[places, np.repeat(np.arange(self._n_columns), np.diff(starts))] = values
+            return Columns(linear.whitening.diagonal()[:, None] * plain, is_local)
+        sparse, whitening = Sparse(values, places, starts, linear.n), linear.whitening
+        if len(whitening.values) > linear.n:  # observations that are correlated
+            return Columns(sparse @ whitening.T, is_local)
+        sparse.values *= whitening.values[places]
+        return Columns(sparse, is_local)
+
+    def _entries(self, equations: Equations, effects: Effects) -> tuple[FloatArray, IndexArray, IntArray]:
+        """Values of the columns in units of observations, their equations, and where columns begin."""
+        scales, first, at = equations.scales(effects.coordinates), len(self.rows), self._n_alone
+        wide = [(len(groups.rows), cause.width) for cause, groups in self._single]
+        wide += [(len(chosen), cause.width) for cause, chosen in self.of_known]
+        values = np.empty(at + sum(n * width for n, width in wide))
+        places, starts = np.empty(len(values), np.int32), [np.arange(at)]
+        values[:at], places[:at] = (
+            np.append(-scales[self.rows], np.full(len(self.known), -1.0)),
+            np.arange(at),
+        )
         for cause, groups in self._single:
             assert cause.effect is not None
-            width, change = cause.width, _by_parts(cause.effect(effects)) * scales[:, None]
-            values.append(change[groups.rows].ravel())
-            places.append(np.repeat(self._column[groups.rows], width))
-            number = np.repeat(np.arange(len(groups)), np.diff(groups.starts))
-            columns.append(start + (width * number[:, None] + np.arange(width)).ravel())
-            start += width * len(groups)
+            change = _by_parts(cause.effect(effects)[groups.rows]) * scales[groups.rows, None]
+            own, counts = self._column[groups.rows], np.repeat(np.diff(groups.starts), cause.width)
+            order = _part_by_part(groups.starts, cause.width)
+            end = at + len(order)
+            values[at:end], places[at:end] = change.ravel()[order], own[order // cause.width]
+            starts.append(at + np.cumsum(counts) - counts)
+            at = end
         for of_known, chosen in self.of_known:
-            values.append(-self.too_large(of_known, chosen, equations.known).ravel())
-            places.append(np.repeat(first + chosen, of_known.width))
-            columns.append(np.tile(start + np.arange(of_known.width), len(chosen)))
-            start += of_known.width
-        is_local = np.arange(start) < first + len(self.known)
-        at = np.concatenate(places), np.concatenate(columns)
-        if isinstance(linear.whitening, np.ndarray):
-            plain = np.zeros((n, start))
-            plain[at] = np.concatenate(values)
-            return Columns(linear.whitening.diagonal()[:, None] * plain, is_local)
-        from scipy.sparse import coo_array
-
-        sparse = coo_array((np.concatenate(values), at), shape=(n, start)).tocsr()
-        return Columns((linear.whitening @ sparse).tocsc(), is_local)
+            change = -self.too_large(of_known, chosen, equations.known)
+            end = at + change.size
+            values[at:end], places[at:end] = change.T.ravel(), np.tile(first + chosen, of_known.width)
+            starts.append(at + len(chosen) * np.arange(of_known.width))
+            at = end
+        return values, places, np.append(np.concatenate(starts), at)
 
     def too_large(self, cause: KnownCause, chosen: IntArray, known: KnownCoordinates) -> FloatArray:
         """(k, parts) by how much (m) one unit of a mistake makes known coordinates too large."""
@@ -192,7 +205,7 @@ class Catalogue:
     def named(self, index: int) -> Named:
         """What a hypothesis is."""
         family, k = self.hypotheses.place(index)
-        code = self.hypotheses.families[family].code
+        code = self.hypotheses.codes[family]
         if family == 0:
             return Named(code, self.rows[self.hypotheses.of(index)])
         if family < 3:
@@ -202,12 +215,23 @@ class Catalogue:
             of_known, chosen = self.of_known[family - 3 - len(self._parts)]
             return Named(code, np.zeros(0, np.int64), self._points(chosen), of_known=of_known)
         cause, groups = self._parts[family - 3]
-        rows = groups.rows[groups.starts[k] : groups.starts[k + 1]]
+        rows = groups.of(k)
         return Named(code, rows, cause=cause, groups=groups, number=k)
 
     def _points(self, equations: IntArray) -> tuple[tuple[int, int], ...]:
         """Points and components of some equations of known coordinates."""
         return tuple((int(point), int(part)) for point, part in self.known[equations])
+
+
+def _part_by_part(starts: IntArray, width: int) -> IntArray:
+    """Places of the entries (m, width) of groups, by group, and there part by part."""
+    entries = np.arange(width * starts[-1])
+    if width == 1:
+        return entries
+    group = np.repeat(np.arange(len(starts) - 1), width * np.diff(starts))
+    before, count = starts[group], np.diff(starts)[group]
+    part, member = np.divmod(entries - width * before, count)
+    return np.asarray(width * (before + member) + part)
 
 
 def _by_parts(effect: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from obseq.dataclass import dataclass
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
     from obseq.survey.causes.effects import Effects
     from obseq.survey.causes.notes import Notes
     from obseq.survey.model import FieldBook, Points
@@ -48,11 +48,15 @@ class Groups:
 
     scope: Scope
     starts: IntArray
-    rows: IntArray
+    rows: IntArray | IndexArray
     labels: IntArray
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def of(self, k: int) -> IntArray:
+        """Rows of one of them."""
+        return self.rows[self.starts[k] : self.starts[k + 1]].astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +175,7 @@ class Rewritten:
 
 def grouped(scope: Scope, labels: IntArray, mask: BoolArray, least: int) -> Groups:
     """The groups of observations (a mask) of one label, of some at least."""
-    rows = np.flatnonzero(mask & (labels >= 0))
+    rows = np.flatnonzero(mask & (labels >= 0)).astype(np.int32)
     rows = rows[np.argsort(labels[rows], kind="stable")]
     own = labels[rows]
     firsts = np.flatnonzero(np.append(True, np.diff(own) != 0)) if len(own) else np.zeros(0, np.int64)

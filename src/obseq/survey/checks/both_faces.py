@@ -11,7 +11,6 @@ error of the vertical circle. Means are free of both, so means are adjusted.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -23,9 +22,9 @@ from obseq.printable import listed
 from obseq.survey.kinds.directions import HZ, ZEN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
     from obseq.survey.model import FieldBook
 
 MEAN, ALL = "mean", "all"
@@ -44,13 +43,13 @@ class _Pairs:
     """Sights of one kind that were read in both faces, folded into the first one.
 
     Attributes:
-        rows: (n, 2) of the field book: first and second face.
+        rows: (n, 2) of the field book, first and second face; by the first one.
         halves: (n,) half of second minus first face (rad).
         sigmas: (n,) standard deviation of each half.
         apart: Pairs that no error of an instrument explains: both readings stay.
     """
 
-    rows: list[tuple[int, int]]
+    rows: IntArray
     halves: FloatArray
     sigmas: FloatArray
     apart: list[tuple[int, int]]
@@ -88,53 +87,65 @@ def reduced_faces(book: FieldBook, faces: str = MEAN) -> FieldBook:
 
 def _second_directions(book: FieldBook, directions: BoolArray, turned: BoolArray) -> BoolArray:
     """(n,) which directions are of the second face."""
-    rows = book.observations
-    columns = (rows.file_indices, rows.lines, rows.from_points, rows.to_points)
-    lines = list(zip(*(column.tolist() for column in columns), strict=True))
-    on_lines: dict[tuple[int, ...], list[bool]] = defaultdict(list)
-    for row in np.flatnonzero(rows.types == ZEN.code).tolist():
-        on_lines[lines[row]].append(bool(turned[row]))
-    met: dict[tuple[int, ...], int] = defaultdict(int)
-    second = np.zeros(len(rows), np.bool_)
-    sights: dict[tuple[int, int], list[int]] = defaultdict(list)
-    known: dict[int, bool] = {}
-    stations = rows.stations.tolist()
-    for row in np.flatnonzero(directions).tolist():
-        line = lines[row]
-        if faces := on_lines.get(line):  # a line of a stream holds several sights of a target
-            second[row] = known[row] = faces[min(met[line], len(faces) - 1)]
-            met[line] += 1
-        sights[stations[row], line[-1]].append(row)
-    apart: dict[int, list[int]] = defaultdict(list)
-    for alike in sights.values():
-        for row in alike[1:]:
-            if row not in known and _is_near(rows.values[row] - rows.values[alike[0]], math.pi):
-                apart[int(rows.from_points[row])].append(row)
-    for several in apart.values():
-        second[several] = len(several) > 1
+    rows, second = book.observations, np.zeros(len(book.observations), np.bool_)
+    chosen, zeniths = np.flatnonzero(directions), np.flatnonzero(rows.types == ZEN.code)
+    lines = _numbered(rows.file_indices, rows.lines, rows.from_points, rows.to_points)
+    zeniths = zeniths[np.argsort(lines[zeniths], kind="stable")]
+    begins = np.searchsorted(lines[zeniths], lines[chosen])
+    counts = np.searchsorted(lines[zeniths], lines[chosen], "right") - begins
+    known = counts > 0  # a line of a stream holds several sights of a target: the n-th with the n-th
+    nth = np.minimum(_occurrences(lines[chosen]), counts - 1)
+    second[chosen[known]] = turned[zeniths[(begins + nth)[known]]]
+    sights = _numbered(rows.stations[chosen], rows.to_points[chosen])
+    _, first, which = np.unique(sights, return_index=True, return_inverse=True)
+    difference = rows.values[chosen] - rows.values[chosen][first[which]]
+    is_apart = np.abs(np.remainder(difference, FULL_TURN) - math.pi) < CLOSE
+    apart = chosen[~known & is_apart]
+    origins = rows.from_points[apart]
+    second[apart[np.bincount(origins, minlength=1)[origins] > 1]] = True
     return second
 
 
 def _pairs(book: FieldBook, chosen: BoolArray, second: BoolArray) -> _Pairs:
     """The n-th sight of a target in the first face with the n-th in the second one, set-up by set-up."""
-    rows = book.observations
-    sights: dict[tuple[float, ...], tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
-    correlated = {row for cluster in book.clusters for row in cluster.rows.tolist()}
-    columns = (rows.stations, rows.from_points, rows.to_points, rows.from_heights, rows.to_heights, second)
+    rows, chosen = book.observations, chosen.copy()
+    for cluster in book.clusters:
+        chosen[cluster.rows] = False
     taken = np.flatnonzero(chosen)
-    for row, *sight, face in zip(
-        taken.tolist(), *(column[taken].tolist() for column in columns), strict=True
-    ):
-        if row not in correlated:
-            sights[tuple(sight)][face].append(row)
-    pairs = np.array([pair for faces in sights.values() for pair in zip(*faces, strict=False)], np.int64)
-    first, last = pairs.reshape(-1, 2).T
+    columns = (rows.stations, rows.from_points, rows.to_points, rows.from_heights, rows.to_heights)
+    sights = _numbered(*(column[taken] for column in columns))
+    nth = _occurrences(2 * sights + second[taken])
+    pairs = _numbered(sights, nth)
+    order = np.lexsort((second[taken], pairs))
+    is_pair = np.flatnonzero(np.diff(pairs[order]) == 0)
+    first, last = taken[order[is_pair]], taken[order[is_pair + 1]]
+    in_file = np.argsort(first)
+    first, last = first[in_file], last[in_file]
     halves = (np.remainder(rows.values[last] - rows.values[first] + math.pi, FULL_TURN) - math.pi) / 2.0
     alike = np.abs(halves) <= CLOSE
     apart = [(int(a), int(b)) for a, b in zip(first[~alike], last[~alike], strict=True)]
     first, last = first[alike], last[alike]
     sigmas = np.hypot(rows.sigmas[first], rows.sigmas[last]) / 2.0
-    return _Pairs(list(zip(first.tolist(), last.tolist(), strict=True)), halves[alike], sigmas, apart)
+    return _Pairs(np.column_stack([first, last]), halves[alike], sigmas, apart)
+
+
+def _numbered(*columns: Array) -> IntArray:
+    """(n,) a number for each row of columns (n,), from 0, the same where all of them are alike."""
+    order = np.lexsort(columns)
+    is_new = np.zeros(len(order), np.bool_)
+    for column in columns:
+        is_new[1:] |= np.diff(column[order]) != 0
+    numbers = np.empty(len(order), np.int64)
+    numbers[order] = np.cumsum(is_new)
+    return numbers
+
+
+def _occurrences(numbers: IntArray) -> IntArray:
+    """(n,) how many of the numbers before each are the same."""
+    order = np.argsort(numbers, kind="stable")
+    placed, counts = numbers[order], np.empty(len(order), np.int64)
+    counts[order] = np.arange(len(order)) - np.searchsorted(placed, placed)
+    return counts
 
 
 def _with_means(book: FieldBook, found: dict[str, _Pairs]) -> FieldBook:
@@ -142,7 +153,7 @@ def _with_means(book: FieldBook, found: dict[str, _Pairs]) -> FieldBook:
     rows = book.observations
     values, sigmas, active = rows.values.copy(), rows.sigmas.copy(), rows.active.copy()
     for pairs in found.values():
-        first, last = np.array(pairs.rows, np.int64).reshape(-1, 2).T
+        first, last = pairs.rows.T
         values[first] += pairs.halves
         sigmas[first] = np.hypot(rows.sigmas[first], rows.sigmas[last]) / 2.0
         active[last] = False
@@ -153,7 +164,9 @@ def _told(book: FieldBook, second: BoolArray, found: dict[str, _Pairs], faces: s
     """What was folded and reduced; collimation and index errors by instrument; pairs that differ."""
     rows = np.flatnonzero(second).tolist()
     origins = dict.fromkeys(book.point_names[book.observations.from_points[row]] for row in rows)
-    counts = ", ".join(f"{len(pairs.rows)} pairs of {kind}" for kind, pairs in found.items() if pairs.rows)
+    counts = ", ".join(
+        f"{len(pairs.rows)} pairs of {kind}" for kind, pairs in found.items() if len(pairs.rows)
+    )
     yield (
         f"sights in both faces of the telescope, from {listed(list(origins), MOST)}: {len(rows)} readings of "
         f"the second face are folded into the first one ({book.label(rows[0])} is the first)"
@@ -170,16 +183,14 @@ def _told(book: FieldBook, second: BoolArray, found: dict[str, _Pairs], faces: s
             yield from _compared(book, pairs, chosen, names[kind], instrument)
 
 
-def _by_instrument(book: FieldBook, pairs: _Pairs) -> Iterable[tuple[str, list[int]]]:
+def _by_instrument(book: FieldBook, pairs: _Pairs) -> Iterator[tuple[str, IntArray]]:
     """The pairs of each instrument that files name; "" for those of none."""
-    groups: dict[str, list[int]] = defaultdict(list)
-    for k, (row, _) in enumerate(pairs.rows):
-        group = int(book.observations.groups[row])
-        groups[book.groups[group].name if group >= 0 else ""].append(k)
-    return groups.items()
+    groups = book.observations.groups[pairs.rows[:, 0]]
+    for group in np.unique(groups).tolist():
+        yield book.groups[group].name if group >= 0 else "", np.flatnonzero(groups == group)
 
 
-def _compared(book: FieldBook, pairs: _Pairs, chosen: list[int], name: str, instrument: str) -> Iterator[str]:
+def _compared(book: FieldBook, pairs: _Pairs, chosen: IntArray, name: str, instrument: str) -> Iterator[str]:
     """An error of the instrument with its precision, and the pairs that differ from it."""
     halves, sigmas = pairs.halves[chosen], pairs.sigmas[chosen]
     weights = 1.0 / sigmas**2
@@ -203,24 +214,16 @@ def _compared(book: FieldBook, pairs: _Pairs, chosen: list[int], name: str, inst
     yield text
 
 
-def _other_set_ups(book: FieldBook, pairs: _Pairs, chosen: list[int], mean: float) -> Iterator[str]:
+def _other_set_ups(book: FieldBook, pairs: _Pairs, chosen: IntArray, mean: float) -> Iterator[str]:
     """Set-ups whose error is another than that of their instrument, each with its own, in words."""
-    set_ups: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for k in chosen:
-        row = pairs.rows[k][0]
-        set_ups[int(book.observations.from_points[row]), int(book.observations.stations[row])].append(k)
-    whole = float(np.sum(pairs.sigmas[chosen] ** -2.0))
-    for (origin, _), own in set_ups.items():
-        weights = pairs.sigmas[own] ** -2.0
-        share = float(np.sum(weights))
-        error = float(np.sum(weights * pairs.halves[own])) / share
-        if (
-            len(own) > 1
-            and share < whole
-            and abs(error - mean) > LIMIT * math.sqrt(1.0 / share - 1.0 / whole)
-        ):
-            yield f"{book.point_names[origin]} ({-error / CC:+.1f} cc)"
-
-
-def _is_near(angle: float, other: float) -> bool:
-    return abs(math.remainder(angle - other, FULL_TURN)) < CLOSE
+    rows, weights = pairs.rows[chosen, 0], pairs.sigmas[chosen] ** -2.0
+    origins = book.observations.from_points[rows]
+    _, first, which = np.unique(
+        _numbered(book.observations.stations[rows], origins), return_index=True, return_inverse=True
+    )
+    shares, whole = np.bincount(which, weights), float(np.sum(weights))
+    errors = np.bincount(which, weights * pairs.halves[chosen]) / shares
+    several = (np.bincount(which) > 1) & (shares < whole)
+    limits = LIMIT * np.sqrt(np.maximum(1.0 / shares - 1.0 / whole, 0.0))
+    for k in sorted(np.flatnonzero(several & (np.abs(errors - mean) > limits)), key=first.__getitem__):
+        yield f"{book.point_names[origins[first[k]]]} ({-errors[k] / CC:+.1f} cc)"

@@ -15,14 +15,12 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
     from obseq.survey.model import FieldBook, Points
 
-TIMES = 1000.0
-"""How many times larger than the usual one of its kind a sigma is that is told."""
+TIMES = 300.0
+"""How many times larger than the usual one of its kind a sigma is that is told: a slip of 1000 shows."""
 LENGTH, ANGLE = 100.0, math.pi / 2.0
 """Sigmas (m, rad) that say nothing whatever is usual."""
 LEAST_COORDINATE = 1.0
 """Sigma of a known coordinate (m) below which it says something whatever is usual."""
-LEAST = 4
-"""Sigmas of a kind of which one is usual."""
 ENDING = (
     "it has next to no weight; if a year, a code or a remark stands where the sigma should, correct the line"
 )
@@ -65,7 +63,7 @@ def _of_observations(book: FieldBook) -> Iterator[str]:
 def _odd(sigmas: FloatArray, largest: float) -> BoolArray:
     """Which sigmas of one kind (NaN for none) are beyond what says anything, or what is usual of many."""
     given = np.sort(sigmas[np.isfinite(sigmas)])
-    usual = float(given[len(given) // 2]) if len(given) >= LEAST else math.inf
+    usual = float(given[(len(given) - 1) // 2]) if len(given) > 1 else math.inf
     return np.asarray(sigmas >= min(largest, TIMES * usual))
 
 

@@ -363,8 +363,8 @@ def _result(
         rotations,
         g0,
         np.array(graph.orientations[:m], np.int8),
-        Steps(_of_placed(known.point_steps, is_placed), graph.sights),
-        Steps(known.station_steps[:m], graph.sights),
+        Steps(_of_placed(known.point_steps, is_placed), graph.sights.rows),
+        Steps(known.station_steps[:m], graph.sights.rows),
         unplaced,
         np.array(known.point_sigmas, np.float64),
     )

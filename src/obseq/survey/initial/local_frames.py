@@ -283,7 +283,7 @@ class LocalFrames:
         placed = []
         for point in located:
             if not self.known.is_settled[point] and self.known.positions[point] is None:
-                step = step_of(self.scratch.point_steps[point] or Step(""), self.graph.sights)
+                step = step_of(self.scratch.point_steps[point] or Step(""), self.graph.sights.rows)
                 method = f"local frame of station {name} tied to {anchors}"
                 self.known.positions[point] = tie.move(self.known, self.scratch.position_of(point))
                 self.known.has_height[point] = tie.rise is not None and bool(self.scratch.has_height[point])

@@ -352,7 +352,7 @@ class Placement:
         rows = tuple(dict.fromkeys(row for relation in candidate.used for row in relation.rows))
         step = Step(candidate.method, rows)
         if earlier is not None:
-            earlier = step_of(earlier, self.graph.sights)
+            earlier = step_of(earlier, self.graph.sights.rows)
             step = Step(f"{earlier.method}, then {candidate.method}", (*earlier.observations, *rows))
         known.positions[point], known.has_height[point] = candidate.position, candidate.has_height
         known.point_steps[point] = step

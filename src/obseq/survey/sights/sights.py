@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 
+from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows
+    from obseq.arrays import FloatArray, FloatRows, IndexRows, IntArray, IntRows
 
 Measure = tuple[float, int]
 """A measured value (m, rad) and the row of its observation."""
@@ -172,13 +173,13 @@ class Sights:
             sight = self._seen[number] = self._made(number)
         return sight
 
-    def rows_of(self, number: int) -> tuple[int, ...]:
-        """The observations of the vector of a sight; of its reading when it is not complete."""
-        sight = self[number]
-        if sight.vector is not None:
-            return sight.vector[1]
-        reading = sight.reading()
-        return () if reading is None else reading[1]
+    @cached_property
+    def rows(self) -> IndexRows:
+        """(n, 3) observations of the vector of each; of its reading where that is not complete; else -1."""
+        measured, none = self.measures.rows, np.full(len(self), -1)
+        readings = np.where(measured[HZ] >= 0, [measured[HZ], none, none], [measured[DX], measured[DY], none])
+        readings = np.where(np.isnan(self.readings), -1, readings)
+        return np.where(np.isnan(self.vectors[:, :1]), readings.T, self.vector_rows).astype(np.int32)
 
     def _made(self, number: int) -> Sight:
         columns = self.measures.values[:, number].tolist(), self.measures.rows[:, number].tolist()
@@ -233,11 +234,11 @@ class Steps(Sequence[Step | None]):
 
     Args:
         causes: of each.
-        sights: all of them.
+        rows: (n, 3) observations of each sight, as of `Sights.rows`.
     """
 
-    def __init__(self, causes: Sequence[Cause | None], sights: Sights) -> None:
-        self._causes, self._sights = causes, sights
+    def __init__(self, causes: Sequence[Cause | None], rows: IndexRows) -> None:
+        self._causes, self._rows = causes, rows
 
     def __len__(self) -> int:
         return len(self._causes)
@@ -251,12 +252,12 @@ class Steps(Sequence[Step | None]):
         if isinstance(which, slice):
             return tuple(self[k] for k in range(len(self))[which])
         cause = self._causes[which]
-        return None if cause is None else step_of(cause, self._sights)
+        return None if cause is None else step_of(cause, self._rows)
 
 
-def step_of(cause: Cause, sights: Sights) -> Step:
-    """A cause in words, with its observations."""
+def step_of(cause: Cause, rows: IndexRows) -> Step:
+    """A cause in words, with its observations, those of each sight (n, 3) being known."""
     if isinstance(cause, Step):
         return cause
-    rows = (row for number in cause for row in sights.rows_of(number))
-    return Step(FREE_STATION if len(cause) > 2 else "azimuth and distance", tuple(dict.fromkeys(rows)))
+    own = [row for row in rows[list(cause)].ravel().tolist() if row >= 0]
+    return Step(FREE_STATION if len(cause) > 2 else "azimuth and distance", tuple(dict.fromkeys(own)))
