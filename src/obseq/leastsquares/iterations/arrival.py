@@ -67,9 +67,9 @@ class Options:
 
     Attributes:
         max_iterations: no more iterations than this.
-        tolerance: the iterations end when a step is shorter than `tolerance * sigma0` in the metric of the
-            normal matrix: then no unknown moved by more than `tolerance` of its own a-posteriori standard
-            deviation. Negative: all iterations are done.
+        tolerance: the iterations end when a step, or all steps to come together, are shorter than
+            `tolerance * sigma0` in the metric of the normal matrix: then no unknown moves by more than
+            `tolerance` of its own a-posteriori standard deviation. Negative: all iterations are done.
         sigma0_groups: groups whose residuals make the numerator of sigma0; None for all.
     """
 
