@@ -140,3 +140,19 @@ def test_two_results_do_not_go_to_standard_output(tmp_path, capsys):
     assert run(tmp_path, "--json", "-", "--without-accused") == 2
     out, err = capsys.readouterr()
     assert not out and "name a file" in err
+
+
+def test_results_of_earlier_runs_do_not_stand_beside_new_ones_in_silence(tmp_path, capsys):
+    written(tmp_path, 0.4)
+    out = tmp_path / "out"
+    assert run(tmp_path, "--out", str(out), "--without-accused") == 1
+    assert (out / "adjustment-without-accused.html").is_file()
+    written(tmp_path)
+    assert run(tmp_path, "--out", str(out), "--without-accused") == 0
+    assert not list(out.glob("*-without-accused*")) and (out / "adjustment.html").is_file()
+    capsys.readouterr()
+    assert run(tmp_path, "--out", str(out), "--points-crs", "none") == 2
+    assert (
+        f"note: {out / 'adjustment.html'} and the files beside it are of an earlier run"
+        in capsys.readouterr().err
+    )

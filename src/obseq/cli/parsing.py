@@ -13,6 +13,9 @@ from typing import Any, NoReturn, TextIO, TypeAlias
 
 from obseq.writing import STANDARD_OUTPUT
 
+LARGEST = 1e30
+"""Number of an option, whose inverse is the smallest: products of such numbers have a size."""
+
 Commands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 CHOICE = re.compile(r"invalid choice: '?(?P<word>[^' ]+)'? \(choose from (?P<known>.*)\)")
 """What argparse says of a word that is none of those it takes."""
@@ -236,10 +239,12 @@ def add_iterations(group: argparse._ArgumentGroup, usual: str) -> None:
 
 
 def positive_number(text: str) -> float:
-    """A finite number above zero."""
+    """A number above zero, of which products have a size."""
     value = _number(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not a number above zero")
+    if not 1.0 / LARGEST <= value <= LARGEST:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not a number above zero ({1 / LARGEST:g} to {LARGEST:g})"
+        )
     return value
 
 

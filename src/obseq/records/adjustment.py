@@ -19,6 +19,7 @@ import msgspec
 from obseq.errors import InputError
 from obseq.packages import version
 from obseq.printable import printable_line
+from obseq.records import one_point
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.quality import (
     DoubtfulRecord,
@@ -46,6 +47,8 @@ from obseq.records.table import AnyTable, table_of
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from obseq.arrays import FloatArray
 
 FORMAT = "obseq-adjustment"
 VERSION = 1
@@ -340,6 +343,18 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     def table(self, name: str = "points") -> AnyTable:
         """One of its lists as a table; see `obseq.records.table`."""
         return table_of(self, name)
+
+    def covariance(self, name: str) -> FloatArray:
+        """(3, 3) covariance of one point in the computation frame (m^2).
+
+        Raises:
+            InputError: There is no such point.
+        """
+        return one_point.covariance(self.points, name)
+
+    def ellipse(self, name: str, level: float | None = 0.95) -> EllipseRecord:
+        """The error ellipse of a point in x and y, at `ellipse_level`; see `records.one_point`."""
+        return one_point.ellipse(self.points, name, level, self.ellipse_level)
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""

@@ -28,7 +28,7 @@ from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
 from obseq.stopwatch import Stopwatch
-from obseq.writing import SECOND, check_writable, write_all
+from obseq.writing import check_writable, forget_second, second_of, write_all
 
 if TYPE_CHECKING:
     Options = dict[str, Any]
@@ -188,6 +188,7 @@ def _adjusted(arguments: argparse.Namespace) -> int:
             with explained(block, progress, **options):
                 solution = _solve(block, options, watch)
         record, written = _reported(solution, given, arguments, outputs, options, watch, read)
+    forget_second(outputs.values(), inputs(arguments))
     _show(record, written, detail, watch)
     if arguments.without_accused:
         return _without_accused(solution, record, arguments, outputs, options)
@@ -261,7 +262,7 @@ def _without_accused(
 
 def _second(outputs: Mapping[str, Path]) -> dict[str, Path]:
     """The files of the adjustment without what is accused."""
-    return {option: path.with_stem(path.stem + SECOND) for option, path in outputs.items()}
+    return {option: second_of(path) for option, path in outputs.items()}
 
 
 def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
