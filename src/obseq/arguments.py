@@ -162,5 +162,5 @@ def weights_factor(factor: float | None, sigma: float | None) -> float:
     if (factor is None) == (sigma is None):
         raise InputError("weights: give either a factor of the sigmas or a sigma")
     if not 1.0 / EXTREME <= (factor if sigma is None else sigma) <= EXTREME:  # type: ignore[operator]
-        raise InputError(f"weights: a sigma, or what multiplies it, is from {1 / EXTREME:g} to {EXTREME:g}")
+        raise InputError(f"weights: a sigma, or what multiplies it, must be positive, at most {EXTREME:g}")
     return 1.0 if factor is None else factor
