@@ -110,12 +110,11 @@ def test_the_record_and_the_page_have_the_tests(clean):
     assert found.redundancy == pytest.approx(reliability.redundancy.sum(), rel=1e-12)
     assert found.tested + found.uncontrolled == reliability.w.size
     assert found.beyond == np.count_nonzero(np.abs(reliability.w) > reliability.whole.w_critical)
-    worst, row = found.worst[0], reliability.worst(1)[0]
+    row = reliability.worst(1)[0]
+    worst = record.measures()[row]
     assert f"image {worst.image}, point {worst.point}" == reliability.label(row)
-    np.testing.assert_allclose(worst.w, reliability.w[row])
-    np.testing.assert_allclose(worst.detectable, reliability.detectable[row])
-    np.testing.assert_allclose(worst.blunder, -reliability.left_out[row])
-    assert f"{worst.detectable[0]:.3g}" in page(record)
+    np.testing.assert_allclose((worst.w_x, worst.w_y), reliability.w[row])
+    assert f"{max(map(abs, (worst.w_x, worst.w_y))):.2f}" in page(record)
     assert f"{found.beyond} beyond" in summary(record)
     assert record_of(solution, precisions=False).reliability is None
 

@@ -14,7 +14,7 @@ from obseq.errors import InputError
 from obseq.records.adjustment import EffectRecord, EllipseRecord, EllipsoidRecord, ObservationRecord
 from obseq.records.columns import Lazy, Texts
 from obseq.records.rows import Rows
-from obseq.report.result_columns import read_lists, write_columns, write_lists
+from obseq.report.result_columns import write_columns
 from obseq.report.result_file import read_json, to_json
 from obseq.writing import write_all
 
@@ -153,7 +153,7 @@ def test_a_failure_leaves_what_was_there(full, saved) -> None:
     assert [path.name for path in saved.parent.iterdir()] == [saved.name]
 
 
-def test_memory_is_that_of_a_few_columns(tmp_path) -> None:
+def test_memory_is_that_of_a_few_columns(full, saved) -> None:
     n = 200_000
 
     def column(name: str):
@@ -176,13 +176,11 @@ def test_memory_is_that_of_a_few_columns(tmp_path) -> None:
     rows = Rows.of(ObservationRecord, Lazy([*names, "tau", "detectable", "external", "blunder"], column), n)
     tracemalloc.start()
     try:
-        write_lists(tmp_path / "leaf.npz", {"observations": rows})
-        found = read_lists(tmp_path / "leaf.npz", {"observations": ObservationRecord})["observations"]
+        write_all({saved: lambda file: write_columns(file, replace(full, observations=rows))})
+        found = obseq.load(saved).observations
         assert found.numbers("tau").sum() == 1.5 * n
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert peak < 4 * 8 * n
     assert found[n - 1] == rows[n - 1]
-    with pytest.raises(InputError, match="the list points is missing"):
-        read_lists(tmp_path / "leaf.npz", {"points": ObservationRecord})

@@ -277,7 +277,8 @@ class Search(Generic[Place]):
     def _selected(self, tests: LinearTests, first: list[int], *, is_robust: bool) -> tuple[int, ...]:
         """What explains a model at a place: from nothing, from what is far off there, from rows alone."""
         suspects = _suspects(tests) if is_robust and not first else []
-        if suspects and self._is_spent:
+        is_many = self._is_large and len(suspects) > self._policy.most  # nothing but them tells so many
+        if suspects and (self._is_spent or is_many):
             return tuple(sorted(select(tests, suspects)))
         found = [select(tests, first)]
         if suspects:

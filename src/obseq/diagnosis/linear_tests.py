@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from obseq.diagnosis.linear import Linear
     from obseq.diagnosis.policy import Policy
 
-_KEPT = 8
-"""Sets of accepted hypotheses that are kept: each is asked for again."""
+_KEPT, _KEPT_OF_LARGE = 8, 3
+"""Sets of accepted hypotheses that are kept: each is asked for again. Three follow from one another."""
 _TINY, _NOTHING = 1e-300, 1e-10
 """Smallest length of a column; share of its weight in place of none, where others do the same."""
 
@@ -84,7 +84,7 @@ class LinearTests:
         self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
         self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
-        self._is_screened, self._still = linear.n > policy.large, policy.columns
+        self._is_screened, self._still = linear.n > policy.large, policy.held_down
         counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
         tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in sorted(counts.items()))
         self.level = _level(policy.false_alarm, policy.power, tests)
@@ -212,7 +212,7 @@ class LinearTests:
         key = tuple(sorted(map(int, chosen)))
         found = self._given.pop(key, None) or self._made(key)
         self._given[key] = found  # the last that was asked for is the last to go
-        if len(self._given) > _KEPT:
+        if len(self._given) > (_KEPT_OF_LARGE if self._is_screened else _KEPT):
             self._given.pop(next(iter(self._given)))
         return found
 

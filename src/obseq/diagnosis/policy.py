@@ -27,10 +27,14 @@ class Policy:
         better: Share of its contradictions that a mistake of many values leaves a network at most.
         nameless: Contradictions by which such a mistake must be better where no slip explains it.
         equal: Contradictions by which two of them may differ that explain a network equally well.
+        part: Observations of a part of a network on which mistakes of many values are tried: some hundred
+            points show what all share, and a trial costs what it does in a small network.
         few: Errors that are told before it is asked whether many values share a mistake.
         most: Errors that are told one by one.
         begun: Suspects from which backward elimination starts, the worst of them.
         held_down: Errors that are told where robust weights hold them down: so many cost ten adjustments.
+            And columns of a large model that are solved for at one place, the worst of those that pass the
+            screen: more pass only where nearly everything contradicts, or of 400,000.
         exchanges: Exchanges of one hypothesis for another at most: masked pairs take one or two.
         rounds: Linearisations at most, for one explanation.
         trials: Changes, or starts without one row, that are adjusted anew.
@@ -44,8 +48,7 @@ class Policy:
             less than a third of what its equations show one by one.
         sigmas: Rarity of sigmas that are all too small by one factor: as of groups.
         columns: Equations of a group that takes them out one by one, up to which it is tested: each is solved
-            for, and all their products are kept. Of columns that pass the screen, so many are solved for at
-            one place: more pass only where nearly everything contradicts, or of 400,000.
+            for, and all their products are kept.
         steps, steps_of_large: Iterations of all adjustments together; of models with more equations than
             `large`, where their time is that of a few adjustments.
     """
@@ -63,6 +66,7 @@ class Policy:
     better: float = 0.5
     nameless: float = 0.5
     equal: float = 0.1
+    part: int = 1000
     few: int = 3
     most: int = 12
     begun: int = 60

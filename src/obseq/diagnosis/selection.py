@@ -102,7 +102,7 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
 
 def _are_few(tests: LinearTests, chosen: Sequence[int]) -> bool:
     """Whether exchanges of hypotheses are worth their time: not of whole images."""
-    return len(chosen) <= tests.policy.most and tests.hypotheses.q[chosen].sum() <= tests.policy.begun
+    return len(chosen) < tests.policy.most and tests.hypotheses.q[chosen].sum() <= tests.policy.begun
 
 
 def merged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:

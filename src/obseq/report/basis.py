@@ -15,17 +15,6 @@ if TYPE_CHECKING:
 MOST_FILES = 12
 
 
-def how_it_ended(record: AdjustmentRecord) -> str:
-    """Whether the iterations converged, and how many there were."""
-    if record.planned:
-        return "planned, not measured"
-    count = len(record.iterations)
-    plural = "" if count == 1 else "s"
-    if record.converged:
-        return f"converged after {count} iteration{plural}"
-    return f"NOT CONVERGED after {count} iteration{plural}: do not use these results"
-
-
 def kinds(record: AdjustmentRecord) -> str:
     """How many active observations of each type, in words."""
     active = record.observations.truths("active")

@@ -16,7 +16,7 @@ from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from obseq.arrays import BoolArray
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
@@ -97,12 +97,12 @@ def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Finding
     )
     title = "Worth knowing" if accused else "Look at first"
     lists = (Findings("Suspected errors", accused), Findings(title, others))
-    files = record.files or tuple(record.observations.distinct("file"))
-    return tuple(_shortened(part, short_names(files)) for part in lists if part.items)
+    return shortened(lists, record.files or record.observations.distinct("file"))
 
 
-def _shortened(part: Findings, short: Mapping[str, str]) -> Findings:
-    """Findings in which files have the names of the tables, without their folders."""
+def shortened(lists: Iterable[Findings], files: Iterable[str]) -> tuple[Findings, ...]:
+    """What there is of findings, in which files have the names of the tables, without their folders."""
+    short = short_names(files)
     longest = sorted((file for file in short if short[file] != file), key=len, reverse=True)
 
     def told(text: str) -> str:
@@ -110,11 +110,10 @@ def _shortened(part: Findings, short: Mapping[str, str]) -> Findings:
             text = text.replace(name(file), name(short[file]))
         return text
 
-    items = (
-        structs.replace(item, title=told(item.title), text=told(item.text), where=told(item.where))
-        for item in part.items
-    )
-    return Findings(part.title, tuple(items))
+    def brief(item: Finding) -> Finding:
+        return structs.replace(item, title=told(item.title), text=told(item.text), where=told(item.where))
+
+    return tuple(Findings(part.title, tuple(map(brief, part.items))) for part in lists if part.items)
 
 
 def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, to: Place | None) -> Finding:

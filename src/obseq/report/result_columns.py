@@ -23,7 +23,6 @@ from obseq.reading.text import start_of
 from obseq.records.columns import Lazy, Texts
 from obseq.records.record import Record, encoded
 from obseq.records.rows import AnyRows, Rows, Stored
-from obseq.writing import write_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -53,37 +52,6 @@ def write_columns(file: IO[bytes], record: Record) -> None:
         values = {field.name: getattr(record, field.name) for field in structs.fields(record)}
         lists = {name: writer.lists(name, value) for name, value in values.items() if isinstance(value, Rows)}
         writer.record({name: lists.get(name) or encoded(value) for name, value in values.items()})
-
-
-def write_lists(path: str | Path, lists: Mapping[str, AnyRows]) -> None:
-    """Writes parts of a result, such as those of a leaf, as one file.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
-
-    def write(file: IO[bytes]) -> None:
-        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as archive:
-            writer = _Writer(archive)
-            writer.record({name: writer.lists(name, rows) for name, rows in lists.items()})
-
-    write_all({Path(path): write})
-
-
-def read_lists(path: str | Path, kinds: Mapping[str, type[Record]]) -> dict[str, AnyRows]:
-    """The lists that `write_lists` wrote, each column read when it is asked for.
-
-    Args:
-        path: Of the file.
-        kinds: The class of the records of each list.
-
-    Raises:
-        InputError: The file cannot be read, is damaged, or lacks a list.
-    """
-    plain = read_columns(path)
-    if missing := [name for name in kinds if name not in plain]:
-        raise InputError(f"{path}: the list {missing[0]} is missing")
-    return {name: Rows.from_plain(plain[name], kind) for name, kind in kinds.items()}
 
 
 def is_columns(path: Path) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -66,10 +67,10 @@ class BlockModel:
             numbering: its equations.
             result: of their adjustment; None where there is none.
             before: is called before each iteration.
-            other_starts: find other poses in turn, where those given are no start.
+            other_starts: find other poses in turn, where those given are no start; asked for once.
         """
         self.numbering, self._result = numbering, result
-        self._before, self._other_starts = before, other_starts
+        self._before, self._other_starts = before, [cache(found) for found in other_starts]
         self.catalogue = Catalogue(numbering)
         self._system = numbering.equations.system
         self._table = self._system.unknowns

@@ -1,6 +1,6 @@
 """The record of a bundle adjustment: what the result file holds, and every report is made of.
 
-Format "obseq-bundle", version 4 (3 had no tests of all image points, and no undistorted grids). Coordinates
+Format "obseq-bundle", version 5 (4 repeated the worst image points). Coordinates
 are in the unit of the world, those of images in pixels, angles in radians. What is not defined is None, and
 null in the file.
 """
@@ -8,7 +8,6 @@ null in the file.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
@@ -20,13 +19,10 @@ from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.quality import GlobalTestRecord
 from obseq.records.record import Record, from_plain
 from obseq.records.table import AnyTable, Table, table_of
-from obseq.report.result_file import read_plain, text_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from obseq.report.result_file import text_of
 
 FORMAT = "obseq-bundle"
-VERSION = 4
+VERSION = 5
 
 
 class ParameterRecord(Record, frozen=True):
@@ -181,7 +177,6 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         unpaired: exposures of rigid blocks that lack an image; what there is of them took part.
         notes: what a file held and nothing here uses.
         behind: image points whose point is behind the camera in the end, and not far.
-        worst: the largest residuals, in sigmas.
         residuals: of all image points.
         reliability: None when no precision was asked for, or without redundancy.
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
@@ -211,7 +206,6 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     notes: tuple[str, ...]
     behind: tuple[ImagePointRecord, ...]
     weakened: int
-    worst: tuple[ImagePointRecord, ...]
     residuals: ResidualColumns
     reliability: BlockReliabilityRecord | None
     rigid_blocks: tuple[RigidRecord, ...]
@@ -281,17 +275,16 @@ def is_block(plain: object) -> bool:
     return isinstance(plain, dict) and plain.get("format") == FORMAT
 
 
-def read_block_record(path: str | Path) -> BundleRecord:
-    """The record in the result file of a block.
+def block_record_of(plain: object, where: str) -> BundleRecord:
+    """The record whose plain form is given.
+
+    Args:
+        plain: what a file of results holds.
+        where: how messages call it.
 
     Raises:
-        InputError: the file cannot be read, or is not the result of a block, in this version of the format.
+        InputError: it is not the result of a block, in this version of the format.
     """
-    return block_record_of(read_plain(path), str(path))
-
-
-def block_record_of(plain: object, where: str) -> BundleRecord:
-    """The record whose plain form is given; see `read_block_record`."""
     if not isinstance(plain, dict) or not is_block(plain):
         raise InputError(f"{where}: it is not the result of a bundle adjustment")
     if plain.get("version") != VERSION:

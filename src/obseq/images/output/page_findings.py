@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
 from obseq.printable import listed
-from obseq.report.findings import searched, suspected
+from obseq.report.findings import searched, shortened, suspected
 from obseq.report.head import Finding, Findings, Place, counted
 from obseq.report.said import name, small
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from obseq.records.diagnosis import AccusedRecord
     from obseq.report.head import Level
 
+PLACE = re.compile(r"\(([^()]+):\d+\)")
+"""A line of a file that a text quotes."""
 FIRST = 4
 """Names of what is not to be trusted."""
 MOST_NAMES = 8
@@ -36,7 +39,8 @@ def findings(record: BundleRecord) -> tuple[Findings, ...]:
         Findings("Suspected errors", tuple(_accused(record, item) for item in accused)),
         Findings("Worth knowing" if accused else "Look at first", tuple(_others(record))),
     )
-    return tuple(part for part in found if part.items)
+    texts = (f"{item.title} {item.text}" for part in found for item in part.items)
+    return shortened(found, [file for text in texts for file in PLACE.findall(text)])
 
 
 def _accused(record: BundleRecord, item: AccusedRecord) -> Finding:

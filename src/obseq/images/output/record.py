@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from obseq.records.diagnosis import DiagnosisRecord
     from obseq.records.quality import GlobalTestRecord
 
-WORST = 20
-"""Image points with the largest residuals that the record lists by name."""
-
 
 def record_of(
     solution: BundleSolution,
@@ -56,7 +53,6 @@ def record_of(
     result, boundary = solution.result, Boundary()
     precisions = precisions and result.weak is None
     far = solution.is_far if precisions else np.zeros(len(solution.points), dtype=bool)
-    order = np.argsort(-_normalised(solution))[:WORST]
     reliability = None
     if precisions and result.redundancy:
         reliability = boundary.attempt(
@@ -80,7 +76,6 @@ def record_of(
         tuple(solution.block.notes),
         tuple(_image_points(solution, np.flatnonzero(solution.is_behind & ~far[solution.residuals.point]))),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
-        tuple(_image_points(solution, order)),
         _residuals(solution),
         reliability,
         tuple(rigid_records(solution, precisions)),
@@ -111,11 +106,6 @@ def _left_out(items: Iterable[LeftOut]) -> tuple[BlockLeftOutRecord, ...]:
 
 def _precision(solution: BundleSolution) -> str:
     return "a posteriori" if solution.is_a_posteriori else "a priori"
-
-
-def _normalised(solution: BundleSolution) -> FloatArray:
-    found = solution.residuals
-    return np.asarray(np.linalg.norm(found.residuals / found.sigmas, axis=1))
 
 
 def _cameras(solution: BundleSolution, precisions: bool) -> Iterator[CameraRecord]:

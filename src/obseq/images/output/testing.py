@@ -12,33 +12,10 @@ from obseq.records.record import Record
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.images.adjustment.quality import MeasureReliability
     from obseq.images.adjustment.solution import BundleSolution
 
-WORST = 20
-"""Image points that are listed by name, the largest tests first."""
 POOR = 0.1
 """Redundancy number below which the others hardly control a measure."""
-
-Pair = tuple[float | None, float | None]
-
-
-class TestedPointRecord(Record, frozen=True):
-    """The test of an image point; each pair is x, then y, and None where nothing controls it.
-
-    Attributes:
-        redundancy: redundancy numbers, 0 (nothing controls it) to 1.
-        w: standardised residuals, the given sigmas being right.
-        detectable: smallest blunders that the test finds, pixels.
-        blunder: estimates of a blunder, pixels; too large when positive.
-    """
-
-    image: str
-    point: str
-    redundancy: Pair
-    w: Pair
-    detectable: Pair
-    blunder: Pair
 
 
 class TestColumns(Record, frozen=True):
@@ -69,7 +46,6 @@ class BlockReliabilityRecord(Record, frozen=True):
         beyond: of these, those beyond the limit.
         poor: coordinates with a redundancy number below a tenth.
         uncontrolled: coordinates that nothing controls.
-        worst: the image points with the largest tests.
         all: the tests of all of them.
         largest: the largest tests of the equations of all kinds.
     """
@@ -82,7 +58,6 @@ class BlockReliabilityRecord(Record, frozen=True):
     beyond: int
     poor: int
     uncontrolled: int
-    worst: tuple[TestedPointRecord, ...]
     all: TestColumns
     largest: LargestTestsRecord
 
@@ -100,7 +75,6 @@ def reliability_record(solution: BundleSolution) -> BlockReliabilityRecord:
         int(np.count_nonzero(np.abs(found.w[tested]) > whole.w_critical)),
         int(np.count_nonzero(found.redundancy < POOR)),
         int(np.count_nonzero(~tested)),
-        tuple(_tested(found, int(row)) for row in found.worst(WORST)),
         TestColumns(
             *map(tuple, found.redundancy.T.tolist()),
             *(_defined(column) for column in (*found.w.T, *found.detectable.T)),
@@ -111,19 +85,3 @@ def reliability_record(solution: BundleSolution) -> BlockReliabilityRecord:
 
 def _defined(values: FloatArray) -> tuple[float | None, ...]:
     return tuple(value if math.isfinite(value) else None for value in values.tolist())
-
-
-def _tested(found: MeasureReliability, row: int) -> TestedPointRecord:
-    return TestedPointRecord(
-        found.image_names[found.image[row]],
-        found.point_names[found.point[row]],
-        _pair(found.redundancy[row]),
-        _pair(found.w[row]),
-        _pair(found.detectable[row]),
-        _pair(-found.left_out[row]),
-    )
-
-
-def _pair(values: FloatArray) -> Pair:
-    x, y = _defined(values)
-    return x, y

@@ -408,10 +408,8 @@ class Page {
 let page;
 (async () => {
   const content = JSON.parse(byId("content").textContent);
-  for (const table of content.tables) {
-    for (const column of table.columns) column.values = await unpacked(column.values);
-    for (const name of ["angular", "unused"]) if (table[name]) table[name] = await unpacked(table[name]);
-  }
+  const unpack = async (holder, name) => { if (holder[name]) holder[name] = await unpacked(holder[name]); };
+  await Promise.all(content.tables.flatMap((table) => [...table.columns.map((column) => unpack(column, "values")), unpack(table, "angular"), unpack(table, "unused")]));
   scales = content.scales;
   page = new Page(content);
   document.documentElement.dataset.ready = "yes";

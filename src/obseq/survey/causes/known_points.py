@@ -65,3 +65,19 @@ KNOWN_TURN = KnownCause(
     ),
     parts=("larger", "of a radian, turned clockwise"),
 )
+
+KNOWN_BOWL = KnownCause(
+    "S117",
+    "frame of known heights",
+    "Known heights fall from the middle outwards, or rise: by 78 mm at a kilometre, the Earth's curvature.",
+    "Coordinates of a local frame (RTL) are adjusted without it, or levelled heights are taken for its own.",
+    "Name the system of the coordinates: --frame, --points-crs.",
+    "m",
+    6.0,
+    (2,),
+    lambda places, _components, _curvature: np.column_stack(
+        [1e-6 * np.square(places[:, :2]).sum(axis=1), 1e-3 * places[:, :2]]
+    ),
+    parts=("a kilometre from the middle", "a kilometre east", "a kilometre north"),
+    least=4,
+)

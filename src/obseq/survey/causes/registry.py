@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from obseq.survey.causes.constants import CONSTANT, INDEX, LEVEL_SCALE, SCALE
-from obseq.survey.causes.known_points import KNOWN_HEIGHTS, KNOWN_SCALE, KNOWN_TURN
+from obseq.survey.causes.known_points import KNOWN_BOWL, KNOWN_HEIGHTS, KNOWN_SCALE, KNOWN_TURN
 from obseq.survey.causes.set_ups import (
     CIRCLE,
     ECCENTRIC,
@@ -31,5 +31,5 @@ CAUSES = (
 )
 """Where one column would be made twice, the first has it."""
 
-OF_KNOWN = (KNOWN_HEIGHTS, KNOWN_SCALE, KNOWN_TURN)
+OF_KNOWN = (KNOWN_HEIGHTS, KNOWN_SCALE, KNOWN_TURN, KNOWN_BOWL)
 """Mistakes that all known coordinates share."""

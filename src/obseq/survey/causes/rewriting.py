@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.survey.causes.cause import Rewritten, grouped
 from obseq.survey.causes.other_system import other_system
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.causes.cause import Scope
+    from obseq.survey.causes.cause import Groups, Scope
     from obseq.survey.causes.notes import Notes
     from obseq.survey.equations.point_system import PointSystem
     from obseq.survey.model import Points
@@ -148,27 +149,34 @@ REWRITINGS = (
 
 
 def rewritten(
-    notes: Notes, system: PointSystem, is_off: BoolArray, whole: float, least: int
+    notes: Notes, system: PointSystem, off: FloatArray, off_points: IntArray
 ) -> Iterator[Iterator[Rewritten]]:
     """The networks without one such mistake, in parts: those of all values first, of single points last.
 
     Args:
         notes: The network.
         system: Of the coordinates of points.
-        is_off: (n,) what contradicts, at a robust place.
-        whole: Share of a group of which that must be so; of all observations anything may be.
-        least: Observations of a group.
+        off: (n,) 1 for what contradicts at a robust place, else 0; NaN where that is not asked.
+        off_points: (k,) how many contradictions each point has.
     """
     known = _known(notes.points)
-    yield chain(_of_values(notes, SCOPES[:1], None, least), _horizontal(notes), _of_all_points(notes, system))
+    worst = known[np.argsort(-off_points[known], kind="stable")][:_MOST_KNOWN]
+    yield chain(_of_values(notes, SCOPES[:1], None), _horizontal(notes), _of_all_points(notes, system))
     yield other_system(notes, known)
-    yield _of_values(notes, SCOPES[1:], lambda rows: is_off[rows].mean() >= whole, least)
-    yield _of_single_points(notes.points, notes, system, known)
+    yield _of_values(notes, SCOPES[1:], off)
+    yield _of_single_points(notes.points, notes, system, worst, len(known))
 
 
-def _of_values(
-    notes: Notes, scopes: tuple[Scope, ...], is_wanted: Callable[[IntArray], bool] | None, least: int
-) -> Iterator[Rewritten]:
+def _worst(groups: Groups, off: FloatArray) -> list[int]:
+    """Numbers of the groups most of which contradicts, the worst first: as many as are tried."""
+    asked = np.append(0.0, np.cumsum(np.isfinite(off[groups.rows])))[groups.starts]
+    wrong = np.append(0.0, np.cumsum(np.nan_to_num(off[groups.rows])))[groups.starts]
+    asked, wrong = np.diff(asked), np.diff(wrong)
+    found = np.flatnonzero((asked >= _LEAST) & (wrong >= POLICY.whole * asked))
+    return list(map(int, found[np.argsort(-wrong[found], kind="stable")][: POLICY.trials]))
+
+
+def _of_values(notes: Notes, scopes: tuple[Scope, ...], off: FloatArray | None) -> Iterator[Rewritten]:
     """The networks in which the values of one group, all of a kind or some, are written anew."""
     observations = notes.book.observations
     is_known = ~notes.points.is_free
@@ -182,11 +190,11 @@ def _of_values(
         mask = observations.active & one.takes(notes)
         seen = set[bytes]()
         for scope in scopes:
-            groups = grouped(scope, scope.labels(notes), mask, least)
-            for k, label in enumerate(groups.labels.tolist()):
-                rows = groups.of(k)
-                is_all = is_wanted and len(rows) == np.count_nonzero(mask)
-                if rows.tobytes() in seen or is_all or (is_wanted and not is_wanted(rows)):
+            groups = grouped(scope, scope.labels(notes), mask, _LEAST)
+            for k in range(len(groups)) if off is None else _worst(groups, off):
+                rows, label = groups.of(k), int(groups.labels[k])
+                is_all = off is not None and len(rows) == np.count_nonzero(mask)
+                if is_all or rows.tobytes() in seen:
                     continue
                 seen.add(rows.tobytes())
                 values = observations.values.copy()
@@ -260,11 +268,13 @@ def _moved(points: Points, rows: IntArray, given: FloatArray, system: PointSyste
 
 
 _MOST_KNOWN = 8
-"""Known points up to which each pair of them may be exchanged."""
+"""Known points that are tried one by one, and each pair of them exchanged: those that most contradicts."""
+_LEAST = 3
+"""Observations that a group has at least."""
 
 
 def _of_single_points(
-    points: Points, notes: Notes, system: PointSystem, known: IntArray
+    points: Points, notes: Notes, system: PointSystem, known: IntArray, count: int
 ) -> Iterator[Rewritten]:
     """One known point: easting and northing exchanged, or unknown; two with each other's coordinates."""
     book = notes.book
@@ -276,12 +286,12 @@ def _of_single_points(
         changed = _moved(points, only, own[:, [1, 0, 2]], system)
         if changed is not None:
             yield Rewritten("S111", "W123", what, text, _NONE, only, changed, book)
-        if len(known) > 2:
+        if count > 2:
             unknown, sigmas = points.coordinates.copy(), points.sigmas.copy()
             unknown[row], sigmas[row] = np.nan, np.nan
             freed = replace(points, coordinates=unknown, sigmas=sigmas)
             yield Rewritten("S112", "", what, "nothing fits its coordinates", _NONE, only, freed, book)
-    for k, row in enumerate(known.tolist() if len(known) <= _MOST_KNOWN else ()):
+    for k, row in enumerate(known.tolist()):
         for other in known[k + 1 :].tolist():
             coordinates = points.coordinates.copy()
             coordinates[[row, other]] = coordinates[[other, row]]

@@ -13,18 +13,19 @@ from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.survey.causes.rewriting import rewritten
+from obseq.survey.initial.left_out import part_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.survey.causes.cause import Rewritten
+    from obseq.survey.causes.notes import Notes
     from obseq.survey.diagnosing.network_model import NetworkModel
     from obseq.survey.initial.left_out import Determined
     from obseq.survey.model import FieldBook, Points
 
-_LEAST = 3
-"""Observations that a group has at least."""
+    Begin = Callable[[Points, FieldBook], Determined]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,32 +36,73 @@ class Trial:
         rewriting: The mistake.
         model: The network without it.
         left: Contradictions, counted softly.
+        given: The mistake before it was tried.
         others: Mistakes that explain as much.
     """
 
     rewriting: Rewritten
     model: NetworkModel
     left: float
+    given: Rewritten
     others: tuple[Rewritten, ...] = ()
 
 
-def best_rewriting(
-    model: NetworkModel, begin: Callable[[Points, FieldBook], Determined], *, is_many: bool
-) -> Trial | None:
+def best_rewriting(model: NetworkModel, begin: Begin, *, is_many: bool) -> Trial | None:
     """The mistake of many values without which a network contradicts itself least; None where none helps.
+
+    Of a large network a part shows it: the others are tried there, it alone on the whole.
 
     Args:
         model: The network.
         begin: Points and observations -> what can be computed of them, at initial values.
         is_many: Whether many single errors were found, however few observations they are.
     """
-    before, is_off, known_off = model.contradictions(model.robust())
+    found = model.contradictions(model.robust())
+    before, is_off, known_off = found
     shares = [one.mean() for one in (is_off, known_off) if one.size]
     if not is_many and max(shares) < POLICY.share:
         return None
+    points, book = model.notes.points, model.notes.book
+    off = np.where(book.observations.active, is_off, np.nan)
+    off_points = book.counts(is_off, len(points)) + np.bincount(
+        model.catalogue.known[known_off, 0], minlength=len(points)
+    )
+    kept = part_that_shows(model.notes, off_points, POLICY.part)
+    if kept is None:
+        return _best(model, begin, found, rewritten(model.notes, model.point_system, off, off_points))
+    off[book.naming(np.append(~kept, np.ones(len(book.point_names) - len(kept), np.bool_)))] = np.nan
+    some = rewritten(model.notes, model.point_system, off, np.where(kept, off_points, 0))
+    try:
+        part = model.like(begin(*part_of(points, book, kept)))
+        seen = part.contradictions(part.robust())
+    except ObseqError:
+        return None
+    best = _best(part, lambda points, book: begin(*part_of(points, book, kept)), seen, some)
+    whole = None if best is None else _begun(model, begin, best.given)
+    trial = None if best is None or whole is None else _tried(model, best.given, whole)
+    if best is None or trial is None or trial.left >= POLICY.better * before:
+        return None
+    return replace(trial, others=best.others)
+
+
+def _best(
+    model: NetworkModel,
+    begin: Begin,
+    found: tuple[float, BoolArray, BoolArray],
+    rewritings: Iterable[Iterable[Rewritten]],
+) -> Trial | None:
+    """The best of some mistakes.
+
+    Args:
+        model: The network.
+        begin: Points and observations -> what can be computed of them, at initial values.
+        found: What contradicts it, with the mistake.
+        rewritings: It without each of them.
+    """
+    before, is_off, known_off = found
     noise = (len(is_off) + len(known_off)) / POLICY.suspect**2 + POLICY.equal
     trials: list[Trial] = []
-    for some in rewritten(model.notes, model.point_system, is_off, POLICY.whole, _LEAST):
+    for some in rewritings:
         trials += _raced(model, some, begin, noise)
         if trials and min(map(_price, trials)) < noise:
             break
@@ -73,12 +115,37 @@ def best_rewriting(
     return replace(best, others=tuple(others))
 
 
-def _raced(
-    model: NetworkModel,
-    some: Iterable[Rewritten],
-    begin: Callable[[Points, FieldBook], Determined],
-    noise: float,
-) -> list[Trial]:
+def part_that_shows(notes: Notes, off_points: IntArray, most: int) -> BoolArray | None:
+    """(k,) the points about the worst with so many observations, and those that join them to known ones.
+
+    Args:
+        notes: The network.
+        off_points: (k,) how many contradictions each point has.
+        most: Observations, about; None where the network has no more.
+    """
+    rows = notes.book.observations
+    if np.count_nonzero(rows.active) <= most:
+        return None
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order
+
+    n = len(notes.points)
+    ends = rows.from_points[rows.active], rows.to_points[rows.active]
+    graph = coo_array((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
+    order, before = breadth_first_order(graph, int(np.argmax(off_points)), directed=False)
+    rank = np.full(n, n)
+    rank[order] = np.arange(len(order))
+    cut = min(int(np.sort(np.maximum(rank[ends[0]], rank[ends[1]]))[most]), n - 1)
+    kept = np.less_equal(rank, cut)
+    is_known: BoolArray = np.any(~notes.points.is_free, axis=1)
+    for point in order[is_known[order]][: POLICY.most].tolist():
+        while not kept[point]:
+            kept[point] = True
+            point = int(before[point])
+    return np.asarray(kept, np.bool_)
+
+
+def _raced(model: NetworkModel, some: Iterable[Rewritten], begin: Begin, noise: float) -> list[Trial]:
     """The trials of some mistakes: those that look best at a glance are computed to their end.
 
     Args:
@@ -109,13 +176,21 @@ def _in_order(points: Points, others: Points, coordinates: FloatArray) -> FloatA
     return found
 
 
+def _begun(model: NetworkModel, begin: Begin, one: Rewritten) -> NetworkModel | None:
+    """A network without a mistake; None where it has no start."""
+    try:
+        return model.like(begin(one.points, one.book))
+    except ObseqError:
+        return None
+
+
 def _glanced(
-    model: NetworkModel, begin: Callable[[Points, FieldBook], Determined], one: Rewritten
+    model: NetworkModel, begin: Begin, one: Rewritten
 ) -> tuple[float, Rewritten, NetworkModel] | None:
     """What a network without a mistake contradicts after a few iterations; None where it has no start."""
     try:
-        other = model.like(begin(one.points, one.book))
-        return other.contradictions(other.soon())[0], one, other
+        other = _begun(model, begin, one)
+        return None if other is None else (other.contradictions(other.soon())[0], one, other)
     except ObseqError:
         return None
 
@@ -132,4 +207,4 @@ def _tried(model: NetworkModel, one: Rewritten, other: NetworkModel) -> Trial | 
     told = one.told(_in_order(one.points, other.given.points, place.coordinates))
     if told is None:
         return None
-    return Trial(replace(one, text=f"{one.text}{told}"), other, left + max(lost, 0))
+    return Trial(replace(one, text=f"{one.text}{told}"), other, left + max(lost, 0), given=one)

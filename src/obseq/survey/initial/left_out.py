@@ -67,12 +67,21 @@ def leave_out(given: Determined, undetermined: Sequence[Unplaced]) -> Determined
         bad_stations |= bad_points[given.book.stations.origins]
     if not found:
         return given
-    active = _still_active(given, bad_points, bad_stations)
+    active = _still_active(given.book, bad_points, bad_stations)
     _refuse_nothing(given, bad_points, active, found)
     of_point = _lost_by_point(given.book, given.book.observations.active & ~active)
     alone = [item for item in found if _stands_alone(given, item, bad_points)]
     named = tuple(_described(given, item, _lost(given.book, item, active, of_point)) for item in alone)
-    return _without(given, bad_points, bad_stations, active, named)
+    return _without(given, bad_points, active, named)
+
+
+def part_of(points: Points, book: FieldBook, kept: BoolArray) -> tuple[Points, FieldBook]:
+    """Some of the points (a mask), as if they were not correlated, and the observations between them."""
+    bad_stations = ~kept[book.stations.origins]
+    active = _still_active(book, ~kept, bad_stations)
+    stations = _used_stations(book, active)
+    subset = replace(points.subset(np.flatnonzero(kept)), covariance=None)
+    return subset, _book_without(book, ~kept, stations, active)
 
 
 def in_plan(given: Determined) -> Determined:
@@ -88,7 +97,7 @@ def in_plan(given: Determined) -> Determined:
     if not flat:
         return given
     others = [item for item in unplaced if item.point not in flat]
-    rows = replace(given.book.observations, active=_still_active(given, *_masks(given, others)))
+    rows = replace(given.book.observations, active=_still_active(given.book, *_masks(given, others)))
     found = are_in_plan_only(given.points, replace(given.book, observations=rows))
     coordinates, invented = given.initial.coordinates.copy(), given.points.is_invented.copy()
     for row, place in flat.items():
@@ -107,10 +116,10 @@ def _masks(given: Determined, found: Sequence[Unplaced]) -> tuple[BoolArray, Boo
     return bad_points, bad_stations | bad_points[given.book.stations.origins]
 
 
-def _still_active(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) -> BoolArray:
-    rows = given.book.observations
-    padded = np.append(bad_points, np.zeros(len(given.book.point_names) - len(bad_points), np.bool_))
-    touched = given.book.naming(padded)
+def _still_active(book: FieldBook, bad_points: BoolArray, bad_stations: BoolArray) -> BoolArray:
+    rows = book.observations
+    padded = np.append(bad_points, np.zeros(len(book.point_names) - len(bad_points), np.bool_))
+    touched = book.naming(padded)
     if len(bad_stations):
         touched |= (rows.stations >= 0) & bad_stations[rows.stations]
     return np.asarray(rows.active & ~touched)
@@ -119,7 +128,7 @@ def _still_active(given: Determined, bad_points: BoolArray, bad_stations: BoolAr
 def _lacking(given: Determined, bad_points: BoolArray, bad_stations: BoolArray) -> list[Unplaced]:
     """Points that have fewer observations left than free coordinates."""
     rows, n = given.book.observations, len(given.points)
-    active = _still_active(given, bad_points, bad_stations)
+    active = _still_active(given.book, bad_points, bad_stations)
     count = given.book.counts(active, n)
     free = given.points.is_unknown.sum(axis=1)
     zeros = unknown_zeros(given.points, given.book, given.initial.orientations, active)
@@ -148,6 +157,13 @@ def _too_few(count: int, free: int, zeros: int) -> str:
             f"orientation{'' if zeros == 1 else 's'}; {more} needed"
         )
     return f"it has {count} usable observation{plural} for {free} unknown coordinates; observe it more"
+
+
+def _used_stations(book: FieldBook, active: BoolArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Stations of which an observation is active."""
+    used = np.zeros(len(book.stations), np.bool_)
+    used[book.observations.stations[active & (book.observations.stations >= 0)]] = True
+    return np.flatnonzero(used)
 
 
 def _refuse_nothing(
@@ -223,14 +239,11 @@ def _place(given: Determined, item: Unplaced) -> tuple[float, ...] | None:
 def _without(
     given: Determined,
     bad_points: BoolArray,
-    bad_stations: BoolArray,
     active: BoolArray,
     named: tuple[LeftOutRecord, ...],
 ) -> Determined:
-    rows, initial = given.book.observations, given.initial
-    used = np.zeros(len(bad_stations), np.bool_)
-    used[rows.stations[active & (rows.stations >= 0)]] = True
-    stations, points = np.flatnonzero(used), np.flatnonzero(~bad_points)
+    initial = given.initial
+    stations, points = _used_stations(given.book, active), np.flatnonzero(~bad_points)
     kept = replace(
         initial,
         coordinates=initial.coordinates[points],
