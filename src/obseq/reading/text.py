@@ -218,7 +218,7 @@ def invisible(text: str) -> str:
 
 
 def words(text: str) -> list[str]:
-    """The parts of a text between blanks of the keyboard; another blank is part of a word, which is refused."""
+    """The parts of a text between blanks of the keyboard; any other is part of a word, which is refused."""
     return text.split() if text.isascii() else _WORD.findall(text)
 
 
