@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from obseq.errors import InputError
 from obseq.printable import listed
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
-    from obseq.records.adjustment import PointRecord
     from obseq.records.quality import EllipseRecord
-    from obseq.records.rows import Rows
+    from obseq.records.rows import AnyRows
 
 PLACES = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 """Of xx, xy, xz, yy, yz, zz."""
 MOST_NAMES = 8
 
 
-def covariance(points: Rows[PointRecord], name: str) -> FloatArray:
+def covariance(points: AnyRows, name: str) -> FloatArray:
     """(3, 3) covariance of a point in the computation frame, m^2; NaN where nothing is known of it.
 
     Raises:
@@ -32,7 +31,7 @@ def covariance(points: Rows[PointRecord], name: str) -> FloatArray:
     return found
 
 
-def ellipse(points: Rows[PointRecord], name: str, level: float | None, held: float | None) -> EllipseRecord:
+def ellipse(points: AnyRows, name: str, level: float | None, held: float | None) -> EllipseRecord:
     """The error ellipse of a point in x and y.
 
     Args:
@@ -49,12 +48,13 @@ def ellipse(points: Rows[PointRecord], name: str, level: float | None, held: flo
             f"the record holds ellipses of level {held}, not {level}: ask for level={held}, or adjust again "
             f"with Quality(ellipses={level})"
         )
-    if (found := _named(points, name).ellipse) is None:
+    found: EllipseRecord | None = _named(points, name).ellipse
+    if found is None:
         raise InputError(f"{name} has no ellipse: nothing is estimated of its x and y")
     return found
 
 
-def _named(points: Rows[PointRecord], name: str) -> PointRecord:
+def _named(points: AnyRows, name: str) -> Any:
     names = points.values("name")
     if name not in names:
         raise InputError(f"{name} is no point of this record; its points are {listed(names, MOST_NAMES)}")
