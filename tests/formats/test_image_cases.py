@@ -138,6 +138,19 @@ def test_four_radial_terms_of_micmac_are_exact(shared_data):
     np.testing.assert_allclose(camera.project([direction])[0], ideal, atol=1e-9)
 
 
+def test_a_loose_block_of_micmac_arrives(case):
+    """Four images and control good to a metre hardly determine a camera: it takes many small steps."""
+    options = ("--micmac", "Ori-Ground_mm3d", "--micmac-measures", "GroundMeasure.xml")
+    options += ("--micmac-points", "Ground-Pts3D.xml", "--image-sigma", "1")
+    _, loose = case("micmac-v1-four-radial", *options)
+    _, held = case("micmac-v1-four-radial", *options, "--freeze", ".*")
+    assert loose["converged"] and held["converged"]
+    assert loose["redundancy"] == held["redundancy"] - 7
+    assert loose["sigma0"] < held["sigma0"]
+    kinds = [point["kind"] for point in held["points"]]
+    assert (kinds.count("control"), kinds.count("tie")) == (6, 1)
+
+
 def test_a_title_of_pix4d_is_no_pose(case, tmp_path):
     options = ("--opk", "ext.txt", "--cameras", "cam.csv", "--measures", "mes.csv", "--control", "ctl.csv")
     code, result = case("pix4d-header", *options, "--image-sigma", "0.3", "--freeze", ".*")

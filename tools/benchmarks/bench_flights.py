@@ -29,18 +29,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--images", type=int, default=500)
     parser.add_argument("--runs", type=int, default=10)
+    parser.add_argument("--scenes", type=int, default=300, help="satellite blocks (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the first run (%(default)s)")
     parser.add_argument("--rpc", type=Path, help="rational polynomials of a real image")
     arguments = parser.parse_args()
-    drones(arguments.images, arguments.runs)
+    first = arguments.seed
+    if arguments.runs:
+        drones(arguments.images, range(first, first + arguments.runs))
     base = read_rpc(arguments.rpc) if arguments.rpc else None
     for correction in ("bias", "affine"):
-        satellite(base, correction, 30)
+        satellite(base, correction, range(first, first + arguments.scenes))
 
 
-def drones(images: int, runs: int) -> None:
+def drones(images: int, seeds: range) -> None:
     """Flights of so many images."""
     shares, levers, readouts, sigma0, start = [], [], [], [], time.process_time()
-    for seed in range(runs):
+    for seed in seeds:
         made = flights.flight(max(images // LENGTH, 2), LENGTH, 4 * images, n_check=100, seed=seed)
         solution = made.block.solve()
         found = solution.check_residuals()
@@ -56,26 +60,35 @@ def drones(images: int, runs: int) -> None:
             f"readout {1000 * readout:.2f} +- {1000 * own:.2f} ms",
             flush=True,
         )
-    cpu = (time.process_time() - start) / runs
-    print(f"{images} images, {runs} runs: sigma0 {np.mean(sigma0):.4f}, {cpu:.1f} s of processor each")
+    cpu = (time.process_time() - start) / len(seeds)
+    print(f"{images} images, {len(seeds)} runs: sigma0 {np.mean(sigma0):.4f}, {cpu:.1f} s of processor each")
     for name, values in (("check points", shares), ("lever arms", levers), ("readouts", readouts)):
-        print(f"  {name}: {np.mean(np.abs(values) <= SIGMAS):.3f} within {SIGMAS} sigmas")
+        print(f"  {name}: {share(values)} within {SIGMAS} sigmas")
 
 
-def satellite(base: object, correction: str, runs: int) -> None:
+def satellite(base: object, correction: str, seeds: range) -> None:
     """Blocks of three satellite images."""
     checks, corrections = [], []
-    for seed in range(runs):
+    for seed in seeds:
         made = satellites.scene(base, correction, seed=seed)
         solution = made.block.solve()
         _, differences, covariances = solution.check()
         checks.append(np.abs(differences) / np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
-        for image, (values, sigmas) in solution.corrections().items():
-            corrections.append(np.abs(values - made.corrections[image]) / sigmas)
-    shares = [np.mean(np.concatenate(part) <= SIGMAS) for part in (checks, corrections)]
+        found = solution.corrections().items()
+        corrections.append([np.abs(values - made.corrections[k]) / sigmas for k, (values, sigmas) in found])
     print(
-        f"satellite, {correction}: check points {shares[0]:.3f}, corrections {shares[1]:.3f} within {SIGMAS}"
+        f"satellite, {correction}, {len(seeds)} runs: check points {share(checks)}, corrections "
+        f"{share(corrections)} within {SIGMAS}"
     )
+
+
+def share(runs: list) -> str:
+    """The share within so many sigmas, with its standard error.
+
+    What one run finds hangs together: its control is in all of it. So runs are what is independent.
+    """
+    shares = [np.mean(np.abs(values) <= SIGMAS) for values in runs]
+    return f"{np.mean(shares):.3f} +- {np.std(shares, ddof=1) / np.sqrt(len(shares)):.3f}"
 
 
 if __name__ == "__main__":

@@ -71,7 +71,8 @@ def _property(sensor: Element, name: str) -> str:
 
 def _camera(sensor: Element) -> Camera:
     """The camera of a sensor."""
-    name = f"{label_of(sensor)} {sensor.attributes.get('id', '')}".strip()
+    label, number = label_of(sensor), sensor.attributes.get("id", "")
+    name = label if label.endswith(f" {number}") else f"{label} {number}".strip()
     kind = sensor.attributes.get("type", "frame")
     if kind != "frame":
         raise sensor.problem(f"a camera of type {kind} is not read; only frame is")

@@ -42,7 +42,10 @@ NO_MORE = 0.9
 LOST = 10.0
 """Times the usual distance from its rays, or `ROUGH` if that is more, where a given point is lost."""
 NEAR = 0.5
-"""Standard deviations by which unknowns may still move where the usual number of iterations is too small."""
+"""Standard deviations by which unknowns may still move where the usual number of iterations is too small.
+
+They are those of the given sigmas, or of the residuals where these are larger.
+"""
 LOOSE = 0.1
 """Share of its standard deviation by which an unknown may still move when a stage ends."""
 
@@ -178,7 +181,7 @@ def _has_come_near(result: LeastSquaresResult) -> bool:
     if result.stop_reason is not StopReason.ITERATIONS or not result.iterations:
         return False
     last = result.iterations[-1]
-    return last.length <= NEAR * (last.sigma0 or 1.0)
+    return last.length <= NEAR * max(last.sigma0 or 1.0, 1.0)
 
 
 def _solve_calling_back(

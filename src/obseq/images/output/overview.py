@@ -58,7 +58,9 @@ def _points(block: Block) -> str:
     measured = {name for part in block.sets for name in part.measures.point_names}
     sigmas = [_range(part.measures.sigmas) for part in block.sets if len(part.measures)]
     count = sum(len(part.measures) for part in block.sets)
-    others = measured - set(block.control.names) - set(block.check_points.names)
+    rows = np.flatnonzero(~block.control.is_free.all(axis=1))
+    known = {block.control.names[row] for row in rows}
+    others = measured - known - set(block.check_points.names)
     spread = f", sigma {'; '.join(dict.fromkeys(sigmas))} px" if sigmas else ""
     return f"{len(others)} tie points; {count} image points{spread}"
 

@@ -118,7 +118,8 @@ def _weakly_checked(record: BundleRecord) -> Iterator[Finding]:
     found = record.reliability
     if found is not None and found.poor:
         text = f"Redundancy below {POOR:g}; {found.uncontrolled} of them not checked at all."
-        title = f"{found.poor} of {found.tested} image coordinates are weakly checked"
+        count = found.tested + found.uncontrolled
+        title = f"{found.poor} of {count} image coordinates are weakly checked"
         yield Finding("info", title, text, to=Place("measures", filter=f"redundancy<{POOR:g}"))
 
 

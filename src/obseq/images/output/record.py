@@ -171,9 +171,10 @@ def _finite(row: FloatArray) -> tuple[float | None, ...]:
 
 
 def _points(solution: BundleSolution, precisions: bool) -> Iterator[BlockPointRecord]:
-    fits, control = solution.by_point(), solution.start.is_control
+    fits, start = solution.by_point(), solution.start
+    control = start.is_control & ~start.is_free.all(axis=1)
     checks = set(solution.block.check_points.names)
-    shifts = solution.coordinates - solution.start.coordinates
+    shifts = solution.coordinates - start.coordinates
     upper = np.triu_indices(3)
     covariances: list[tuple[float, ...] | None] = [None] * len(solution.points)
     if precisions:
