@@ -63,13 +63,6 @@ def test_packed_and_dashed_angles_and_gons(tmp_path):
     assert rows(gons)[0][4] == pytest.approx(1.5e-3 * math.pi / 200)
 
 
-def test_angles_beyond_a_turn_or_of_too_many_minutes_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"n\.dat:\d+: the angle 393-41-23 is beyond one turn"):
-        read(tmp_path, PLANE.replace("53-07-48.4", "393-41-23"))
-    with pytest.raises(InputError, match=r"the angle 53\.6889: .* \(it is read as packed ddd\.mmss\)"):
-        read(tmp_path, PLANE.replace("53-07-48.4", "53.6889"))
-
-
 def test_feet_are_told_apart(tmp_path):
     survey = read(tmp_path, PLANE.replace("Meters", "FeetUS"))
     assert rows(survey)[1][3] == pytest.approx(100.003 * 1200 / 3937)

@@ -11,10 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeAlias
 
+from obseq.arguments import EXTREME
 from obseq.writing import STANDARD_OUTPUT
-
-LARGEST = 1e30
-"""Number of an option, whose inverse is the smallest: products of such numbers have a size."""
 
 Commands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 CHOICE = re.compile(r"invalid choice: '?(?P<word>[^' ]+)'? \(choose from (?P<known>.*)\)")
@@ -239,12 +237,18 @@ def add_iterations(group: argparse._ArgumentGroup, usual: str) -> None:
 
 
 def positive_number(text: str) -> float:
-    """A number above zero, of which products have a size."""
+    """A finite number above zero."""
     value = _number(text)
-    if not 1.0 / LARGEST <= value <= LARGEST:
-        raise argparse.ArgumentTypeError(
-            f"{text} is not a number above zero ({1 / LARGEST:g} to {LARGEST:g})"
-        )
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a number above zero")
+    return value
+
+
+def sigma(text: str) -> float:
+    """A number above zero whose square, and its inverse, have a size."""
+    value = positive_number(text)
+    if not 1.0 / EXTREME <= value <= EXTREME:
+        raise argparse.ArgumentTypeError(f"{text} is no sigma: it is from {1 / EXTREME:g} to {EXTREME:g}")
     return value
 
 

@@ -23,6 +23,7 @@ _STRIDE = 1000
 """Lines that are read between two looks at the clock."""
 LEAST_SIGMA = 1e-12
 """Sigmas below it (m, gon) would make weights infinite."""
+_NO_WIDTH = "\u00ad\u200b\u2060\ufeff"
 _WORD = re.compile(r"\S+", re.ASCII)
 LONGEST_NAME = 200
 """Names beyond it are a mistake of the file: nothing could be printed of them."""
@@ -206,15 +207,12 @@ def _has_surrogates(text: str) -> bool:
 
 
 def invisible(text: str) -> str:
-    """The first blank that is no blank, or sign without a shape, of a text; "" where there is none.
-
-    Joiners belong to the spelling of some languages.
-    """
+    """The first blank that is not of the keyboard, or sign without a width, of a text; "" for none."""
     if text.isascii() or text.isprintable():
         return ""
     from unicodedata import category
 
-    return next((c for c in text if category(c) in ("Zs", "Zl", "Zp", "Cf") and c not in " \u200c\u200d"), "")
+    return next((c for c in text if c in _NO_WIDTH or (c != " " and category(c) == "Zs")), "")
 
 
 def words(text: str) -> list[str]:

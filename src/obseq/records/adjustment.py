@@ -269,6 +269,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         unused: Observations of the files that take no part, though no file switches them off.
         planned: Whether nothing is measured yet: there are no residuals, nor what is judged by them.
         failures: What should explain the result, and failed: nobody has looked; among the warnings too.
+        outside: What to say of points outside the area of their system, where errors are suspected.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
 
@@ -315,6 +316,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
     failures: tuple[str, ...] = ()
+    outside: str = ""
     planned: bool = False
     units: ShownUnits = METRIC
     format: str = FORMAT

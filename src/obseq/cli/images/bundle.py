@@ -21,6 +21,7 @@ from obseq.cli.parsing import (
     output_file,
     positive_integer,
     positive_number,
+    sigma,
 )
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show, telling
@@ -112,7 +113,7 @@ def register(commands: Commands) -> None:
 def _add_computation(command: argparse.ArgumentParser) -> None:
     computation = command.add_argument_group("computation")
     computation.add_argument(
-        "--image-sigma", type=positive_number, metavar="PX", help="sigma of measures whose table gives none"
+        "--image-sigma", type=sigma, metavar="PX", help="sigma of measures whose table gives none"
     )
     computation.add_argument(
         "--control-sigma",

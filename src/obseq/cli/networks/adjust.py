@@ -134,6 +134,11 @@ def register(commands: Commands) -> None:
     )
     add_iterations(computation, "controlled")
     computation.add_argument(
+        "--loss",
+        choices=("huber", "l1", "cauchy", "tukey"),
+        help="robust weights: large residuals count less; they name nothing (see --snooping)",
+    )
+    computation.add_argument(
         "--strict",
         action="store_true",
         help="refuse (exit code 2) a network of which points would have to be left out as undetermined",
@@ -160,6 +165,7 @@ def run(arguments: argparse.Namespace) -> int:
         "tolerance": arguments.tolerance,
         "strategy": arguments.strategy,
         "strict": arguments.strict,
+        "loss": arguments.loss,
         "quality": quality_of(arguments),
         "datum": _datum(arguments),
         "blocks": blocks_of(arguments),
