@@ -327,7 +327,7 @@ class Fieldwork:
     ) -> Snooped:
         """What is wrong with an adjustment, undecided where that fails; what snooping leaves out of it."""
         wanted = computation.quality
-        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed")
+        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the search failed or was interrupted")
 
         def found() -> Snooped:
             search = partial(self._recorded, model, told=computation.watch.progress)
@@ -335,7 +335,7 @@ class Fieldwork:
                 return Snooped(search(), POLICY)
             return snooped(search, wanted, adjustment)
 
-        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
+        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY), ends=True)
 
     def _without(
         self, found: Computed, model: NetworkModel, out: Snooped, computation: Computation
