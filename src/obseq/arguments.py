@@ -161,6 +161,6 @@ def weights_factor(factor: float | None, sigma: float | None) -> float:
     """
     if (factor is None) == (sigma is None):
         raise InputError("weights: give either a factor of the sigmas or a sigma")
-    if not 1.0 / EXTREME <= (factor if sigma is None else sigma) <= EXTREME:  # type: ignore[operator]
+    if not 1.0 / EXTREME <= (factor or sigma or 0.0) <= EXTREME:
         raise InputError(f"weights: a sigma, or what multiplies it, must be positive, at most {EXTREME:g}")
     return 1.0 if factor is None else factor

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.printable import listed
@@ -26,7 +26,9 @@ def covariance(points: AnyRows, name: str) -> FloatArray:
     import numpy as np
 
     found = np.full((3, 3), np.nan)
-    upper = [np.nan if value is None else value for value in _named(points, name).covariance or [None] * 6]
+    upper = [
+        np.nan if value is None else value for value in points[_row(points, name)].covariance or [None] * 6
+    ]
     found[PLACES] = found[PLACES[::-1]] = upper
     return found
 
@@ -48,14 +50,14 @@ def ellipse(points: AnyRows, name: str, level: float | None, held: float | None)
             f"the record holds ellipses of level {held}, not {level}: ask for level={held}, or adjust again "
             f"with Quality(ellipses={level})"
         )
-    found: EllipseRecord | None = _named(points, name).ellipse
+    found: EllipseRecord | None = points[_row(points, name)].ellipse
     if found is None:
         raise InputError(f"{name} has no ellipse: nothing is estimated of its x and y")
     return found
 
 
-def _named(points: AnyRows, name: str) -> Any:
+def _row(points: AnyRows, name: str) -> int:
     names = points.values("name")
     if name not in names:
         raise InputError(f"{name} is no point of this record; its points are {listed(names, MOST_NAMES)}")
-    return points[names.index(name)]
+    return names.index(name)
