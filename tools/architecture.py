@@ -89,7 +89,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "problem": ("sparse",),
         "diagnosis": ("problem", "solvers"),
         "assembly": ("diagnosis", "loops", "problem", "sparse", "solvers"),
-        "solution": ("problem", "solvers"),
+        "solution": ("problem", "sparse", "solvers"),
         "iterations": ("solution", "assembly", "diagnosis", "problem", "solvers"),
         "analysis": ("iterations", "solution", "assembly", "diagnosis", "problem", "blocks", "solvers"),
         "system": ("analysis", "blocks", "iterations", "solution", "assembly", "problem"),

@@ -81,11 +81,16 @@ class Columns:
         n = int(self.matrix.shape[0 if isinstance(self.matrix, np.ndarray) else 1])
         return max(1, min(CHUNK, _NUMBERS // max(n, 1)))
 
-    def through(self, linear: Linear, which: IntArray) -> FloatArray:
-        """(u, m) A' times some of them."""
-        if isinstance(self.matrix, np.ndarray):
-            return np.ascontiguousarray(linear.rows.T @ self.matrix[:, which])
-        return _through(linear, self._each.some(which))
+    def lost(self, linear: Linear, which: IntArray) -> FloatArray:
+        """(m,) what the unknowns take of the squares of some of them: C' A Q A' C of each."""
+        if linear.forms is not None and not isinstance(self.matrix, np.ndarray):
+            return linear.forms(self._each.some(which) @ cast("Sparse", linear.rows))
+        result = np.empty(len(which))
+        for first in range(0, len(which), self.at_a_time):
+            through = linear.back(self.some(which[first : first + self.at_a_time]))
+            solved = linear.solve(through) if len(through) else through
+            result[first : first + self.at_a_time] = np.einsum("ij,ij->j", through, solved)
+        return result
 
     def weights_apart(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, as if its equations had no unknowns in common."""

@@ -44,6 +44,7 @@ class Linear:
             dense where A is.
         solve: Q times right-hand sides (u,) or (u, k).
         redundancy: Degrees of freedom.
+        forms: b Q b' (k,) of the rows b of a sparse matrix (k, u); by solves when None.
     """
 
     residuals: FloatArray
@@ -53,6 +54,7 @@ class Linear:
     taken: Sparse | FloatArray
     solve: Callable[[FloatArray], FloatArray]
     redundancy: int
+    forms: Callable[[Sparse], FloatArray] | None = None
 
     @property
     def n(self) -> int:
@@ -109,6 +111,7 @@ def linearised(
         on_diagonal([taken_of(state, batch) for batch in batches]),
         state.solve,
         result.redundancy,
+        state.quadratic_forms,
     )
 
 

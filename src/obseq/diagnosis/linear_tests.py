@@ -169,10 +169,9 @@ class LinearTests:
         wanted = np.isnan(self._weight)
         if self._is_screened:
             wanted &= self._asks(shown)
-        for part in _parts(self._worst(np.flatnonzero(wanted), shown), self._columns.at_a_time):
-            through = self._columns.through(self.linear, part)
-            taken = np.einsum("ij,ij->j", through, self.linear.solve(through)) if len(through) else 0.0
-            self._weight[part] = 1.0 - taken
+        chosen = self._worst(np.flatnonzero(wanted), shown)
+        if len(chosen):
+            self._weight[chosen] = 1.0 - self._columns.lost(self.linear, chosen)
 
     def _worst(self, wanted: IntArray, shown: FloatArray) -> IntArray:
         """As many columns as are still solved for at this place, the worst first where more ask."""

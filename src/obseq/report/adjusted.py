@@ -12,6 +12,8 @@ from obseq.report.basis import basis, kinds
 from obseq.report.content import TABLES, numbers_of, tables
 from obseq.report.findings import NOT_JUDGED, POOR, findings, is_known, of_height, sight, spreads, weakest
 from obseq.report.head import (
+    UNCHECKED,
+    UNEXPLAINED,
     WORDS,
     Card,
     Head,
@@ -19,12 +21,15 @@ from obseq.report.head import (
     Section,
     Verdict,
     about,
+    convergence,
     counted,
-    gauge,
     joined,
+    misfit,
+    redundancy_card,
     share,
-    shares,
+    sigma0_card,
     strip,
+    to_check,
 )
 from obseq.report.named import ellipse_level
 from obseq.report.part import part_of
@@ -107,34 +112,24 @@ def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
             f"Not usable: stopped after {counted(len(record.iterations), 'iteration')}, not converged.",
         )
     if count:
-        what = (
-            "1 observation looks wrong. Check it"
-            if count == 1
-            else f"{count} observations look wrong. Check them"
-        )
         if any(not item.observations for item in record.gross_errors):
-            what = (
-                "1 error is suspected. Check it"
-                if count == 1
-                else f"{count} errors are suspected. Check them"
-            )
+            return "bad", to_check(count)
+        what = "1 observation looks wrong. Check it"
+        if count > 1:
+            what = f"{count} observations look wrong. Check them"
         return "bad", f"Not usable yet: {what}, then adjust again."
-    status = "" if diagnosis is None else diagnosis.status
-    if status == "unexplained" or (status == "undecided" and not record.failures):
-        return "bad", "Not usable yet: something is wrong, and no single cause explains it."
+    if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
+        return "bad", UNEXPLAINED
     for level, text in _restricted(record):
         return level, text
     if test.test is None:
-        return "warn", "Adjusted, but nothing is checked: there is no redundancy."
-    if not test.test.passed:
-        sigma0 = f"sigma0 is {significant(test.test.sigma0, 3)}"
-        expected = f"{test.test.lower:.2f} to {test.test.upper:.2f} is expected"
-        size = "large" if test.test.sigma0 > test.test.upper else "small"
-        if size == "small" and (types := test.types_beyond):
-            return "warn", f"Usable, but {_of_type(types[0])}"
-        return "warn", f"The residuals are too {size} for their sigmas: {sigma0}, {expected}."
+        return "warn", UNCHECKED
+    if test.test.sigma0 > test.test.upper:
+        return "warn", misfit(test.test)
     if types := test.types_beyond:
         return "warn", f"Usable, but {_of_type(types[0])}"
+    if not test.test.passed:
+        return "warn", misfit(test.test)
     return "ok", "The network is sound: residuals fit the sigmas, and no error is suspected."
 
 
@@ -180,28 +175,17 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
     if test is None:
         value = "\u2013" if record.planned or record.sigma0 is None else significant(record.sigma0, 4)
         return Card("sigma0", value, note="nothing is measured yet" if record.planned else "not tested")
-    is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
-    tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
-    note = f"{100 * (1 - test.level):g} % chi-square interval"
-    if record.sigma0 is not None and (own := significant(record.sigma0, 4)) != significant(test.sigma0, 4):
-        note += f"; {own} of observations alone"
+    note, rest = "", record.diagnosis and record.diagnosis.sigma0
     if record.gross_errors:
-        rest = record.diagnosis and record.diagnosis.sigma0
         note = f"{rest:.3g} without the suspected errors" if rest else "spoilt by the suspected errors"
-    figure = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
-    return Card("sigma0", significant(test.sigma0, 4), "expected 1", tag, figure, note, Place("quality"))
+    return sigma0_card(test, note)
 
 
 def _redundancy(record: AdjustmentRecord) -> Card:
+    active = record.observations.truths("active")
+    parts = record.observations.numbers("redundancy")[active].tolist() if record.reliability else None
     equations = record.n_observations + record.n_constraints
-    each = f"{record.redundancy / equations:.2f} per equation" if equations else ""
-    known = record.observations.numbers("redundancy")[record.observations.truths("active")].tolist()
-    if record.reliability is None:
-        return Card("redundancy", str(record.redundancy), each)
-    to = Place("observations", filter="redundancy<0.3")
-    return Card(
-        "redundancy", str(record.redundancy), each, None, shares(known), "share of an error that shows", to
-    )
+    return redundancy_card(record.redundancy, equations, parts, "observations")
 
 
 def _largest(record: AdjustmentRecord) -> Card | None:
@@ -281,8 +265,7 @@ def sections(record: AdjustmentRecord) -> tuple[Section, ...]:
             for kind in ("bands", "histogram", "normal")
         ]
     if record.iterations:
-        steps = [{"sigma0": row.sigma0, "step": row.max_step} for row in record.iterations]
-        charts.append({"kind": "convergence", "iterations": steps})
+        charts.append(convergence(record.iterations))
     inside = ("by-type", "by-station", "components", "undetermined")
     quality = Section("quality", "Quality", tuple(charts), tables=inside)
     return (quality, Section("provenance", "Provenance", facts=tuple(_facts(record)), words=WORDS))

@@ -129,6 +129,14 @@ def element(
     return column(title, quantity, [None if row is None else row[k] for row in parts], **more)
 
 
+def elements(
+    titles: Sequence[str], quantity: str, parts: Iterable[Sequence[float | None] | None], **more: object
+) -> list[Column]:
+    """Columns of the elements of tuples of which some may be missing."""
+    rows = list(parts)
+    return [element(title, quantity, rows, k, **more) for k, title in enumerate(titles)]
+
+
 def ellipse_columns(ellipses: Iterable[EllipseRecord | None]) -> Iterator[Column]:
     """Axes and bearings of ellipses of which some may be missing."""
     found = list(ellipses)

@@ -15,7 +15,7 @@ from obseq.report.columns import (
     all_rounded,
     choice,
     column,
-    element,
+    elements,
     ellipse_columns,
     field,
     inside,
@@ -137,14 +137,7 @@ def _reliability(record: AdjustmentRecord) -> list[Column]:
     most = "most that such an error moves a coordinate, in its standard deviations"
     return [
         field("redundancy", "number", found, "redundancy", about=share, bar="redundancy"),
-        field(
-            "detectable",
-            "small",
-            found,
-            "detectable",
-            about=least,
-            paper=paper,
-        ),
+        field("detectable", "small", found, "detectable", about=least, paper=paper),
         field("effect", "number", found, "external", about=most, paper=paper),
     ]
 
@@ -228,10 +221,10 @@ def _moves(record: AdjustmentRecord) -> list[Column]:
     """How points moved, and their precisions on inner constraints."""
     moved, inner = [point.moved for point in record.points], [point.inner for point in record.points]
     far, free = "adjusted minus given", "with the datum of inner constraints"
-    axes, size = list(enumerate("xyz")), "small_length"
+    names = [f"moved {axis}" for axis in "xyz"], [f"inner s{axis}" for axis in "xyz"]
     return [
-        *(element(f"moved {a}", size, moved, k, by_size=True, about=far, rare=True) for k, a in axes),
-        *(element(f"inner s{a}", size, inner, k, about=free, rare=True) for k, a in axes),
+        *elements(names[0], "small_length", moved, by_size=True, about=far, rare=True),
+        *elements(names[1], "small_length", inner, about=free, rare=True),
     ]
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def displacements(record: ComparisonRecord) -> Table:
     """How far each point moved, and how sure that is."""
-    found = record.displacements
+    found, chance = record.displacements, "probability of a larger test where it has not moved"
     columns = [
         column("point", "point", range(len(found))),
         *([] if record.obstacles else [choice("verdict", [_word(record, k) for k in range(len(found))])]),
@@ -23,18 +23,8 @@ def displacements(record: ComparisonRecord) -> Table:
         field("length", "small_length", found, "length"),
         column("test", "number", [row.test and row.test.statistic for row in found]),
         column("limit", "number", [row.test and row.test.limit for row in found]),
-        column(
-            "p",
-            "small_number",
-            [row.test and row.test.p_value for row in found],
-            about="probability of a larger test where it has not moved",
-        ),
-        column(
-            "p over all",
-            "small_number",
-            [row.overall for row in found],
-            about="the same at any of the points (Holm)",
-        ),
+        column("p", "small_number", [row.test and row.test.p_value for row in found], about=chance),
+        field("p over all", "small_number", found, "overall", about="the same at any of the points (Holm)"),
         *ellipse_columns(row.ellipse for row in found),
     ]
     note = "Second epoch minus first. The verdict judges all points together (Holm)."

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Literal
 
 from obseq.printable import printable_line
 from obseq.records.record import Record
-from obseq.report.units import Plain  # noqa: TC001  # fields are read at run time
+from obseq.report.units import Plain, significant
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from obseq.records.adjustment import RunRecord
+    from obseq.records.adjustment import IterationRecord, RunRecord
+    from obseq.records.quality import GlobalTestRecord
 
 Level = Literal["bad", "warn", "ok", "info"]
 MOST_TICKS = 150
@@ -223,6 +224,48 @@ def counted(number: int, what: str, many: str | None = None) -> str:
 def joined(parts: Sequence[str]) -> str:
     """What there is, in a line."""
     return " \u00b7 ".join(part for part in parts if part)
+
+
+UNEXPLAINED = "Not usable yet: something is wrong, and no single cause explains it."
+UNCHECKED = "Adjusted, but nothing is checked: there is no redundancy."
+
+
+def to_check(count: int) -> str:
+    """The sentence that sends to suspected errors."""
+    what = "1 error is suspected. Check it" if count == 1 else f"{count} errors are suspected. Check them"
+    return f"Not usable yet: {what}, then adjust again."
+
+
+def misfit(test: GlobalTestRecord) -> str:
+    """The sentence of a test of sigma0 that fails."""
+    size = "large" if test.sigma0 > test.upper else "small"
+    told = f"sigma0 is {significant(test.sigma0, 3)}, {test.lower:.2f} to {test.upper:.2f} is expected"
+    return f"The residuals are too {size} for their sigmas: {told}."
+
+
+def sigma0_card(test: GlobalTestRecord, note: str) -> Card:
+    """Sigma0 beside the interval of its test."""
+    is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
+    tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
+    drawn = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
+    note = note or f"{100 * (1 - test.level):g} % chi-square interval"
+    return Card("sigma0", significant(test.sigma0, 4), "expected 1", tag, drawn, note, Place("quality"))
+
+
+def redundancy_card(redundancy: int, equations: int, parts: Iterable[float | None] | None, to: str) -> Card:
+    """The redundancy, and how it is shared by the rows of a table; None: that is not known."""
+    each = f"{redundancy / equations:.2f} per equation" if equations else ""
+    if parts is None:
+        return Card("redundancy", str(redundancy), each)
+    place = Place(to, filter="redundancy<0.3")
+    told = "share of an error that shows"
+    return Card("redundancy", str(redundancy), each, None, shares(parts), told, place)
+
+
+def convergence(iterations: Iterable[IterationRecord]) -> Plain:
+    """The chart of how the iterations went."""
+    steps = [{"sigma0": row.sigma0, "step": row.max_step} for row in iterations]
+    return {"kind": "convergence", "iterations": steps}
 
 
 def about(what: str, run: RunRecord | None) -> str:

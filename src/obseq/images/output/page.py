@@ -15,6 +15,8 @@ from obseq.images.output.page_plan import plan
 from obseq.images.output.page_tables import TABLES, names_of, tables
 from obseq.report.findings import NOT_JUDGED
 from obseq.report.head import (
+    UNCHECKED,
+    UNEXPLAINED,
     WORDS,
     Card,
     Head,
@@ -23,12 +25,15 @@ from obseq.report.head import (
     Section,
     Verdict,
     about,
+    convergence,
     counted,
-    gauge,
     joined,
+    misfit,
     page_of,
-    shares,
+    redundancy_card,
+    sigma0_card,
     strip,
+    to_check,
 )
 from obseq.report.page import document
 from obseq.report.said import name, small
@@ -103,10 +108,9 @@ def _judged(record: BundleRecord) -> tuple[Level, str]:
         return "bad", f"Not usable: {name(record.stopped)}."
     count = 0 if diagnosis is None else len(diagnosis.accused)
     if count:
-        what = "1 error is suspected. Check it" if count == 1 else f"{count} errors are suspected. Check them"
-        return "bad", f"Not usable yet: {what}, then adjust again."
+        return "bad", to_check(count)
     if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
-        return "bad", "Not usable yet: something is wrong, and no single cause explains it."
+        return "bad", UNEXPLAINED
     if any(item.is_off for item in record.check_points):
         return "bad", "Not usable yet: check points are farther off than chance lets them be."
     if record.rejected_shares:
@@ -121,14 +125,9 @@ def _judged(record: BundleRecord) -> tuple[Level, str]:
     if not record.is_complete:
         return "warn", "Usable, but not all of it took part: see the findings."
     if test is not None and not test.passed:
-        size = "large" if test.sigma0 > test.upper else "small"
-        expected = f"{test.lower:.2f} to {test.upper:.2f} is expected"
-        return (
-            "warn",
-            f"The residuals are too {size} for their sigmas: sigma0 is {test.sigma0:.3g}, {expected}.",
-        )
+        return "warn", misfit(test)
     if record.redundancy <= 0:
-        return "warn", "Adjusted, but nothing is checked: there is no redundancy."
+        return "warn", UNCHECKED
     return "ok", "The block is sound: residuals fit the sigmas, and no error is suspected."
 
 
@@ -160,42 +159,19 @@ def _cards(record: BundleRecord, block: BlockArrays) -> Iterator[Card]:
             f"{name(record.points[worst].name)}, its worst coordinate",
             Place(point=worst),
         )
-    equations = record.n_observations
-    each = f"{record.redundancy / equations:.2f} per equation" if equations else ""
-    known = record.reliability and [
-        *record.reliability.all.redundancy_x,
-        *record.reliability.all.redundancy_y,
-    ]
-    yield Card(
-        "redundancy",
-        str(record.redundancy),
-        each,
-        None,
-        shares(known) if known else None,
-        "share of an error that shows" if known else "",
-        Place("measures", filter="redundancy<0.3"),
-    )
+    tests = record.reliability and record.reliability.all
+    parts = (*tests.redundancy_x, *tests.redundancy_y) if tests else None
+    yield redundancy_card(record.redundancy, record.n_observations, parts, "measures")
 
 
 def _sigma0(record: BundleRecord) -> Card:
     test = record.global_test
     if test is None:
         return Card("sigma0", significant(record.sigma0, 4), note=name(untested(record)))
-    is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
-    tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
-    figure = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
-    note, diagnosis = "95 % chi-square interval", record.diagnosis
+    note, diagnosis = "", record.diagnosis
     if diagnosis is not None and diagnosis.accused and diagnosis.sigma0 is not None:
         note = f"{diagnosis.sigma0:.3g} without the suspected errors"
-    return Card(
-        "sigma0",
-        significant(test.sigma0, 4),
-        "expected 1",
-        tag,
-        figure,
-        note,
-        Place("quality"),
-    )
+    return sigma0_card(test, note)
 
 
 def untested(record: BundleRecord) -> str:
@@ -243,8 +219,7 @@ def _sections(record: BundleRecord, block: BlockArrays) -> Iterator[Section]:
     charts = []
     if record.reliability is not None:
         charts = [{"kind": kind, "table": "measures", "column": "w"} for kind in ("histogram", "normal")]
-    steps = [{"sigma0": row.sigma0, "step": row.max_step} for row in record.iterations]
-    yield Section("quality", "Quality", (*charts, {"kind": "convergence", "iterations": steps}))
+    yield Section("quality", "Quality", (*charts, convergence(record.iterations)))
     yield Section("provenance", "Provenance", facts=tuple(_facts(record)), words=WORDS)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report.columns import choice, column, element, table
+from obseq.report.columns import choice, column, elements, field, table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from obseq.images.output.block_record import BundleRecord
     from obseq.report.units import Plain
@@ -20,9 +20,9 @@ def _check_points(record: BundleRecord) -> Plain | None:
         return None
     columns = [
         choice("point", [item.name for item in found]),
-        column("rays", "count", [item.n_rays for item in found]),
-        *_parts([item.residual for item in found], ("dx", "dy", "dz"), "small_length"),
-        *_parts([item.sigmas for item in found], ("sx", "sy", "sz"), "small_length"),
+        field("rays", "count", found, "n_rays"),
+        *elements(("dx", "dy", "dz"), "small_length", (item.residual for item in found)),
+        *elements(("sx", "sy", "sz"), "small_length", (item.sigmas for item in found)),
         choice("verdict", ["off" if item.is_off else "as expected" for item in found]),
     ]
     about = "Adjusted minus given; they take no part in the adjustment."
@@ -35,9 +35,9 @@ def _antennas(record: BundleRecord) -> Plain | None:
         return None
     levers = [
         choice("antenna", [item.name for item in found]),
-        *_parts([item.lever_arm for item in found], ("lever x", "y", "z"), "small_length"),
-        *_parts([item.lever_sigmas for item in found], ("sx", "sy", "sz"), "small_length"),
-        *_parts([item.rms for item in found], ("rms x", "rms y", "rms z"), "small_length"),
+        *elements(("lever x", "y", "z"), "small_length", (item.lever_arm for item in found)),
+        *elements(("sx", "sy", "sz"), "small_length", (item.lever_sigmas for item in found)),
+        *elements(("rms x", "rms y", "rms z"), "small_length", (item.rms for item in found)),
     ]
     about = "Lever arms from the projection centre, in the frame of the camera."
     return table("antennas", "Antennas", levers, about=about)
@@ -54,7 +54,7 @@ def _positions(record: BundleRecord) -> Plain | None:
     residuals = [
         choice("antenna", [name for name, _, _ in rows]),
         choice("image", [image for _, image, _ in rows]),
-        *_parts([part for _, _, part in rows], ("dx", "dy", "dz"), "small_length"),
+        *elements(("dx", "dy", "dz"), "small_length", [part for _, _, part in rows]),
     ]
     return table("positions", "Positions", residuals, about="Adjusted minus observed.")
 
@@ -65,14 +65,15 @@ def _shutters(record: BundleRecord) -> Plain | None:
         return None
     columns = [
         choice("camera", [item.camera for item in found]),
-        column(
+        field(
             "readout",
             "small_number",
-            [item.readout for item in found],
+            found,
+            "readout",
             unit="s",
             about="from the first line to the last",
         ),
-        column("sigma", "small_number", [item.sigma for item in found], unit="s"),
+        field("sigma", "small_number", found, "sigma", unit="s"),
     ]
     return table("shutters", "Rolling shutters", columns)
 
@@ -85,12 +86,12 @@ def _rigid(record: BundleRecord) -> Plain | None:
     first = [
         choice("block", [block.name for block, _ in places]),
         choice("camera", [place.camera for _, place in places]),
-        *_parts([place.centre for _, place in places], ("x", "y", "z"), "fine"),
-        *_parts([place.quaternion for _, place in places], ("qw", "qx", "qy", "qz"), "fine"),
-        *_parts(
-            [place.sigmas for _, place in places],
+        *elements(("x", "y", "z"), "fine", [place.centre for _, place in places]),
+        *elements(("qw", "qx", "qy", "qz"), "fine", [place.quaternion for _, place in places]),
+        *elements(
             ("sx", "sy", "sz", "s rot x", "s rot y", "s rot z"),
             "small_number",
+            [place.sigmas for _, place in places],
         ),
     ]
     about = f"In the frame of {printable_line(record.rigid_blocks[0].master)}; radians."
@@ -106,8 +107,8 @@ def _exposures(record: BundleRecord) -> Plain | None:
         choice("block", [block.name for block, _ in exposures]),
         choice("cameras", [f"{item.first}, {item.second}" for _, item in exposures]),
         choice("exposure", [item.exposure for _, item in exposures]),
-        *_parts([item.translation for _, item in exposures], ("dx", "dy", "dz"), "small_number"),
-        *_parts([item.rotation for _, item in exposures], ("rot x", "rot y", "rot z"), "small_angle"),
+        *elements(("dx", "dy", "dz"), "small_number", [item.translation for _, item in exposures]),
+        *elements(("rot x", "rot y", "rot z"), "small_angle", [item.rotation for _, item in exposures]),
     ]
     return table("exposures", "Exposures", second)
 
@@ -132,9 +133,11 @@ def _clinometers(record: BundleRecord) -> Plain | None:
         return None
     columns = [
         choice("clinometer", [item.name for item in found]),
-        *_parts([item.axis for item in found], ("axis x", "axis y", "axis z"), "fine"),
-        *_parts([item.correction for item in found], tuple(f"degree {k}" for k in range(4)), "small_number"),
-        column("rms", "small_angle", [item.rms for item in found]),
+        *elements(("axis x", "axis y", "axis z"), "fine", (item.axis for item in found)),
+        *elements(
+            tuple(f"degree {k}" for k in range(4)), "small_number", (item.correction for item in found)
+        ),
+        field("rms", "small_angle", found, "rms"),
     ]
     return table("clinometers", "Clinometers", columns)
 
@@ -159,10 +162,6 @@ def _readings(record: BundleRecord) -> Plain | None:
         ),
     ]
     return table("readings", "Readings", read, order="residual")
-
-
-def _parts(rows: Sequence[Sequence[float] | None], names: Sequence[str], quantity: str) -> list[Plain]:
-    return [element(name, quantity, rows, k) for k, name in enumerate(names)]
 
 
 INSTRUMENT_TABLES: dict[str, Callable[[BundleRecord], Plain | None]] = {

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from obseq.images.output.page_instruments import INSTRUMENT_TABLES
 from obseq.printable import listed, printable_line
-from obseq.report.columns import choice, column, element, table
+from obseq.report.columns import choice, column, elements, field, table
 from obseq.report.head import printed
 
 if TYPE_CHECKING:
@@ -44,35 +44,16 @@ def _measures(record: BundleRecord) -> Plain | None:
         column("dy", "pixel", found.dy, by_size=True),
     ]
     if tests is not None:
-        every = tests.all
+        every, limit = tests.all, tests.critical
+        w, shares = map(_larger, every.w_x, every.w_y), map(min, every.redundancy_x, every.redundancy_y)
+        least = map(_larger, every.detectable_x, every.detectable_y)
+        larger, smaller = "the larger of its two coordinates", "the smaller of its two coordinates"
         columns += [
-            column(
-                "w",
-                "number",
-                [_larger(*pair) for pair in zip(every.w_x, every.w_y, strict=True)],
-                by_size=True,
-                bar="w",
-                about="the larger of its two coordinates",
-                limit=tests.critical,
-            ),
-            column(
-                "redundancy",
-                "number",
-                [min(pair) for pair in zip(every.redundancy_x, every.redundancy_y, strict=True)],
-                bar="redundancy",
-                about="the smaller of its two coordinates",
-            ),
-            column(
-                "detectable",
-                "pixel",
-                [_larger(*pair) for pair in zip(every.detectable_x, every.detectable_y, strict=True)],
-                about="smallest error that its test finds",
-            ),
+            column("w", "number", w, by_size=True, bar="w", about=larger, limit=limit),
+            column("redundancy", "number", shares, bar="redundancy", about=smaller),
+            column("detectable", "pixel", least, about="smallest error that its test finds"),
         ]
-    columns += [
-        column("sx", "pixel", found.sx, rare=True),
-        column("sy", "pixel", found.sy, rare=True),
-    ]
+    columns += [column(f"s{axis}", "pixel", getattr(found, f"s{axis}"), rare=True) for axis in "xy"]
     if any(weight != 1.0 for weight in found.weight):
         columns.append(column("weight", "number", found.weight, about="what robust weights leave"))
     about = "Residuals are computed minus measured, in pixels."
@@ -107,25 +88,15 @@ def _points(record: BundleRecord) -> Plain | None:
         None if point.covariance is None else [point.covariance[k] ** 0.5 for k in (0, 3, 5)]
         for point in found
     ]
-    size = "number" if unit else "small_length"
+    small, off = "fine" if unit else "small_length", "adjusted minus given"
     columns = [
         column("point", "point", range(len(found))),
         choice("kind", [point.kind for point in found]),
-        column("rays", "count", [point.n_rays for point in found]),
+        field("rays", "count", found, "n_rays"),
         *(column(axis, "length", [getattr(point, axis) for point in found], **unit) for axis in "xyz"),
-        *(element(f"s{axis}", "fine" if unit else size, spread, k) for k, axis in enumerate("xyz")),
-        column("rms", "pixel", [point.rms for point in found], about="per coordinate"),
-        *(
-            element(
-                f"d{axis}",
-                "fine" if unit else size,
-                [point.residual for point in found],
-                k,
-                by_size=True,
-                about="adjusted minus given",
-            )
-            for k, axis in enumerate("xyz")
-        ),
+        *elements(("sx", "sy", "sz"), small, spread),
+        field("rms", "pixel", found, "rms", about="per coordinate"),
+        *elements(("dx", "dy", "dz"), small, (point.residual for point in found), by_size=True, about=off),
     ]
     return table(
         "points",
@@ -140,36 +111,21 @@ def _points(record: BundleRecord) -> Plain | None:
 
 
 def _images(record: BundleRecord) -> Plain | None:
-    found = record.images
+    found, unit = record.images, _length(record)
+    small, angles = "fine" if unit else "small_length", ("omega", "phi", "kappa")
+    spreads = [f"s {angle}" for angle in angles]
     columns = [
         column("image", "point", (len(record.points) + k for k in range(len(found)))),
         choice("camera", [image.camera for image in found]),
-        column("points", "count", [image.n_measures for image in found]),
-        column("rms", "pixel", [image.rms for image in found], about="per coordinate"),
-        column("largest", "pixel", [image.largest for image in found]),
-        column("mean dx", "pixel", [image.mean_dx for image in found], by_size=True),
-        column("mean dy", "pixel", [image.mean_dy for image in found], by_size=True),
-        *(
-            column(axis, "length", [image.centre[k] for image in found], **_length(record))
-            for k, axis in enumerate("xyz")
-        ),
-        *(
-            element(
-                f"s{axis}",
-                "fine" if _length(record) else "small_length",
-                [image.centre_sigmas for image in found],
-                k,
-            )
-            for k, axis in enumerate("xyz")
-        ),
-        *(
-            column(axis, "angle", [image.opk[k] for image in found], rare=True)
-            for k, axis in enumerate(("omega", "phi", "kappa"))
-        ),
-        *(
-            element(f"s {axis}", "small_angle", [image.opk_sigmas for image in found], k, rare=True)
-            for k, axis in enumerate(("omega", "phi", "kappa"))
-        ),
+        field("points", "count", found, "n_measures"),
+        field("rms", "pixel", found, "rms", about="per coordinate"),
+        field("largest", "pixel", found, "largest"),
+        field("mean dx", "pixel", found, "mean_dx", by_size=True),
+        field("mean dy", "pixel", found, "mean_dy", by_size=True),
+        *elements("xyz", "length", (image.centre for image in found), **unit),
+        *elements(("sx", "sy", "sz"), small, (image.centre_sigmas for image in found)),
+        *elements(angles, "angle", (image.opk for image in found), rare=True),
+        *elements(spreads, "small_angle", (image.opk_sigmas for image in found), rare=True),
     ]
     return table("images", "Images", columns, order="rms", hint="rms>0.5") if found else None
 
@@ -198,10 +154,10 @@ def _tests(record: BundleRecord) -> Plain | None:
         return None
     columns = [
         column("observation", "text", [printable_line(item.name) for item in found]),
-        column("w", "number", [item.w for item in found], by_size=True, bar="w"),
-        column("error", "small_number", [item.blunder for item in found], by_size=True),
+        field("w", "number", found, "w", by_size=True, bar="w"),
+        field("error", "small_number", found, "blunder", by_size=True),
         choice("unit", [item.unit or "world units" for item in found]),
-        column("weight", "number", [item.weight for item in found]),
+        field("weight", "number", found, "weight"),
     ]
     return table("tests", "Largest tests", columns, about="Of observations of all kinds.")
 

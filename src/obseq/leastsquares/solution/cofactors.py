@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.leastsquares.solvers.cholesky import AT_ONCE, NUMBERS, SupernodalCholesky
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares.problem.numbering import FreeUnknowns
     from obseq.leastsquares.problem.unknowns import UnknownTable
     from obseq.leastsquares.solvers import Solver, SymmetricPattern
+    from obseq.leastsquares.sparse import Sparse
 
 
 class Cofactors:
@@ -57,6 +60,17 @@ class Cofactors:
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Q times right-hand sides (n_free,) or (n_free, k)."""
         return self._solver.solve(rhs)
+
+    def quadratic_forms(self, rows: Sparse) -> FloatArray:
+        """(k,) b Q b' of the rows b of a sparse matrix (k, n_free)."""
+        if isinstance(self._solver, SupernodalCholesky):
+            return self._solver.quadratic_forms(rows.values, rows.columns, rows.starts)
+        result, each = np.empty(rows.shape[0]), np.arange(rows.shape[0])
+        many = max(1, min(AT_ONCE, NUMBERS // max(self.pattern.n, 1)))
+        for first in range(0, len(each), many):
+            some = rows.some(each[first : first + many]).toarray()
+            result[first : first + many] = np.einsum("kn,nk->k", some, self._solver.solve(some.T))
+        return result
 
     def between(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
         """(n, m) cofactors between two lists of unknowns (positions among all unknowns), by solves."""

@@ -15,7 +15,7 @@ from obseq.leastsquares.solvers.ordering import checked_ordering, resolve_orderi
 from obseq.leastsquares.solvers.protocol import SolverStatistics
 from obseq.leastsquares.solvers.rank import SUSPICIOUS, defect_of, undetermined
 from obseq.leastsquares.solvers.schedule import plan, run_tasks
-from obseq.leastsquares.solvers.substitution import substitute_backward, substitute_forward
+from obseq.leastsquares.solvers.substitution import quadratic_forms, substitute_backward, substitute_forward
 from obseq.leastsquares.solvers.symbolic import analyse_pattern
 
 if TYPE_CHECKING:
@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
     Substitution = Callable[..., None]
 
+AT_ONCE, NUMBERS = 64, 4_000_000
+"""Sparse right-hand sides that are met together: as many as share what is in cache, in 32 MB."""
 WORKING_ROOM = ("_workspace", "_scratch")
 """Arrays that are filled anew at each call."""
 
@@ -272,6 +274,33 @@ class SupernodalCholesky(BaseSolver):
         for substitute in (substitute_forward, substitute_backward):
             self._sweep(substitute, x, len(self._structure.parent))
         return self._unpermuted(x)
+
+    def quadratic_forms(self, values: FloatArray, columns: IndexArray, starts: IntArray) -> FloatArray:
+        """(k,) b N^-1 b' of sparse rows b, each met where its entries lead to.
+
+        Args:
+            values: (nnz,) entries, row by row.
+            columns: (nnz,) the column of each.
+            starts: (k + 1,) where each row begins among them.
+        """
+        if self.defect().dimension:
+            raise SolverStateError(f"{self.name}: the last matrix is singular, and has no inverse")
+        s, n, result = self._structure, self.pattern.n, np.zeros(len(starts) - 1)
+        place = np.empty(n, np.int64)
+        place[s.unknowns] = np.arange(n)
+        places = place[columns]
+        nodes = np.searchsorted(s.start, places, "right") - 1
+        order = np.argsort(np.append(nodes, 0)[starts[:-1]], kind="stable")  # those that lead the same way
+        many = max(1, min(AT_ONCE, NUMBERS // max(n, 1), len(order)))
+        x, is_met = np.zeros((many, n)), np.zeros(len(s.parent), np.bool_)
+        scratch = np.empty(many * int(np.max(s.below, initial=0)))
+        entries = starts, places, nodes, values
+        with one_blas_thread():
+            for first in range(0, len(order), many):
+                rows = order[first : first + many]
+                room = x[: len(rows)], is_met, scratch
+                quadratic_forms(s, self._panels, rows, *entries, *room, routine_addresses(), result)
+        return result
 
     def _sweep(self, substitute: Substitution, x: FloatArray, stop: int) -> None:
         scratch = np.empty(int(np.max(self._structure.below, initial=0)))

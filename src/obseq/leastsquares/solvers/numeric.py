@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 
-LOWER, RIGHT = np.uint8(ord("L")), np.uint8(ord("R"))
+LOWER, LEFT, RIGHT = np.uint8(ord("L")), np.uint8(ord("L")), np.uint8(ord("R"))
 TRANSPOSED, PLAIN, NOT_UNIT = np.uint8(ord("T")), np.uint8(ord("N")), np.uint8(ord("N"))
 ONE, ZERO, MINUS = np.float64(1.0), np.float64(0.0), np.float64(-1.0)
 

@@ -222,6 +222,10 @@ class FinalState:
         """Q times right-hand sides (n_free,) or (n_free, k)."""
         return self.cofactors.solve(rhs)
 
+    def quadratic_forms(self, rows: Sparse) -> FloatArray:
+        """(k,) b Q b' of the rows b of a sparse matrix (k, n_free)."""
+        return self.cofactors.quadratic_forms(rows)
+
     def all_unknowns(self, free: FloatArray) -> FloatArray:
         """(n_scalars,) from (n_free,): zeros where frozen."""
         result = np.zeros(self.equations.table.n_scalars)

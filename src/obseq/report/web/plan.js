@@ -302,14 +302,23 @@ class Plan {
     sheet.stroke(lost, colour("bad"), 2);
   }
 
-  /** Sights to points without a place: a dashed ray of a length that says nothing, with the name at its end. */
+  /** Sights to points without a place: a dashed ray of a length that says nothing. */
   drawRays(sheet) {
     for (const [point, east, north, name] of this.content.rays) {
       const [x, y] = this.place(point);
       const path = sheet.path();
       arrow(path, x, y, x + RAY * east, y - RAY * north);
       sheet.stroke(path, colour("bad"), 1.2, { dash: [6, 4] });
-      sheet.text(`${name}?`, x + (RAY + 8) * east, y - (RAY + 8) * north, { style: colour("tx") });
+    }
+  }
+
+  /** The names at the ends of rays; those without room stand in the legend. */
+  nameRays(sheet, room) {
+    for (const [point, east, north, name] of this.content.rays) {
+      const [text, [x, y]] = [`${name}?`, this.place(point)];
+      const wide = sheet.wide(text, 12, 400);
+      const [left, base] = [x + (RAY + 8) * east - (east < 0 ? wide : 0), y - (RAY + 8) * north];
+      if (this.holds(left, base, wide) && room.take(left - 1, base - 10, wide + 2, 12)) sheet.text(text, left, base, { style: colour("tx"), halo: colour("halo") });
     }
   }
 
@@ -333,6 +342,7 @@ class Plan {
     for (const [, x, y] of this.inside) room.fill(x - 5, y - 5, 10, 10);
     room.fill(0, 0, 46, 62);
     room.fill(0, this.height - BARS, this.width, BARS);
+    this.nameRays(sheet, room);
     let count = 0;
     const ranked = Array.from({ length: this.isCrowded ? 4 : 5 }, () => []);
     for (const one of this.inside) ranked[rank(one[0])]?.push(one);
