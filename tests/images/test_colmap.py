@@ -107,7 +107,7 @@ def test_a_model_that_is_not_whole_says_what_is_missing(solved, tmp_path):
     _binary_colmap(tmp_path, *solved)
     (tmp_path / "cameras.txt").write_text("# nothing\n")
     (tmp_path / "points3D.bin").unlink()
-    with pytest.raises(InputError, match=r": points3D\.bin is missing: a model is cameras, images, points3D"):
+    with pytest.raises(InputError, match=r": points3D\.bin not there: a model is cameras, images, points3D"):
         read_colmap(tmp_path)
 
 

@@ -89,9 +89,9 @@ def read_model(folder: Path) -> ColmapModel:
         for form in ("bin", "txt")
     }
     if all(lacking.values()) and folder.is_dir():
-        which = ", ".join(min(lacking.values(), key=len))
+        which = ", ".join(min(lacking["bin"], lacking["txt"], key=len))
         raise InputError(
-            f"{folder}: {which} is missing: a model is {', '.join(FILES)}, all as .bin or as .txt"
+            f"{folder}: {which} not there: a model is {', '.join(FILES)}, all as .bin or as .txt"
         )
     try:
         return _text(folder) if lacking["bin"] else _binary(folder)
