@@ -12,7 +12,7 @@ import obseq.images.output.page as block_page
 import obseq.images.output.record as block_record
 import obseq.report.formats as formats
 import obseq.survey.fieldwork as fieldwork
-from obseq.boundary import Boundary
+from obseq.boundary import Boundary, interruptions_end_searches
 from obseq.cli.main import main
 from obseq.images.output.clouds import pose_table
 from obseq.report.findings import NOT_JUDGED
@@ -38,6 +38,13 @@ def test_an_interruption_goes_through_and_a_failure_says_where_it_was():
     )
     with pytest.raises(KeyboardInterrupt):
         boundary.attempt("this", interrupted, 4)
+    with pytest.raises(KeyboardInterrupt):
+        boundary.attempt("the search", interrupted, 4, ends=True)
+    with interruptions_end_searches():
+        assert boundary.attempt("the search", interrupted, 4, ends=True) == 4
+        with pytest.raises(KeyboardInterrupt):
+            boundary.attempt("this", interrupted, 4)
+    assert boundary.failures[-1].startswith("the search was interrupted")
 
 
 @pytest.fixture

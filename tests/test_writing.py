@@ -1,8 +1,10 @@
+import errno
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -96,6 +98,15 @@ def test_a_device_is_written_to_and_not_replaced() -> None:
 def test_a_device_that_is_full_is_named() -> None:
     with pytest.raises(InputError, match=r"^/dev/full: the results cannot be written \(No space left"):
         write_all({Path("/dev/full"): "x"})
+
+
+def test_a_disk_that_is_full_while_a_file_is_written_is_said_with_the_name_of_the_file(tmp_path) -> None:
+    def fills(file: IO[bytes]) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(InputError, match=r"page.html: the results cannot be written \(No space left"):
+        write_all({tmp_path / "list.txt": "x", tmp_path / "page.html": fills})
+    assert not list(tmp_path.iterdir())
 
 
 def test_permissions_are_kept(tmp_path: Path) -> None:

@@ -4,16 +4,29 @@ from __future__ import annotations
 
 import logging
 import traceback
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")
 Text = TypeVar("Text")
 _LOG = logging.getLogger(__name__)
+_SEARCHES_END: ContextVar[bool] = ContextVar("searches end", default=False)
+
+
+@contextmanager
+def interruptions_end_searches() -> Iterator[None]:
+    """An interruption of a search for errors ends the search alone: the result is there."""
+    token = _SEARCHES_END.set(True)
+    try:
+        yield
+    finally:
+        _SEARCHES_END.reset(token)
 
 
 class Boundary:
@@ -33,16 +46,24 @@ class Boundary:
     def __init__(self) -> None:
         self.failures: list[str] = []
 
-    def attempt(self, what: str, work: Callable[[], Answer], otherwise: Other) -> Answer | Other:
+    def attempt(
+        self, what: str, work: Callable[[], Answer], otherwise: Other, ends: bool = False
+    ) -> Answer | Other:
         """The answer of some work; where it fails, another one, and the failure is kept.
 
         Args:
             what: What the work is, to begin a sentence.
-            work: What may fail, by whatever error; an interruption goes through.
+            work: What may fail, by whatever error.
             otherwise: The answer then.
+            ends: Whether it is a search (`interruptions_end_searches`); else interruptions go through.
         """
         try:
             return work()
+        except KeyboardInterrupt:
+            if not (ends and _SEARCHES_END.get()):
+                raise
+            self.failures.append(f"{what} was interrupted: the result is as computed, without it")
+            return otherwise
         except Exception as error:
             self.tell(what, error)
             return otherwise

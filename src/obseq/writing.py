@@ -82,7 +82,8 @@ def write_all(texts: Mapping[Path, Content], told: Callable[[str, Exception], No
                     del staged[_beside(target, "part")]
         _replace_together(staged)
     except OSError as error:
-        raise InputError(f"{error.filename}: the results cannot be written ({error.strerror}).") from error
+        where = error.filename2 or path
+        raise InputError(f"{where}: the results cannot be written ({error.strerror}).") from error
     except UnicodeEncodeError as error:
         raise InputError(f"{path}: {error.object[error.start]!r} cannot be written in UTF-8.") from error
     finally:

@@ -329,9 +329,10 @@ def test_what_is_wanted_of_the_quality_is_said_on_the_command_line(site: Path, c
     assert "largest residual / sigma" in capsys.readouterr().out
 
 
-def test_variance_components_that_nothing_determines_are_refused(site: Path, capsys) -> None:
-    assert adjust("--variance-components") == 2
-    assert "the variance component" in capsys.readouterr().err
+def test_variance_components_that_nothing_determines_are_told_and_lose_nothing(site: Path, capsys) -> None:
+    assert adjust("--variance-components", "--json", "site.json") == 1
+    assert "no variance component" in capsys.readouterr().out
+    assert Path("site.json").is_file()
 
 
 def test_a_result_on_standard_output_is_alone_there(site: Path, capsys) -> None:

@@ -26,7 +26,8 @@ adjust = survey.Network.adjust
 def told(*args, **kwargs):
     while True:
         print("adjusting", os.getpid(), flush=True)
-        adjust(*args, **kwargs)
+        if adjust(*args, **kwargs).failures:  # its search alone was interrupted
+            signal.raise_signal(signal.SIGINT)
 
 def run(out, errors):
     signal.alarm(60)

@@ -1,4 +1,5 @@
 import argparse
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -107,6 +108,14 @@ def test_a_reader_that_leaves_is_not_an_error() -> None:
     ) as process:
         process.stdout.close()
         assert (process.stderr.read(), process.wait()) == ("", 0)
+
+
+def test_a_service_without_standard_output_gets_its_files(tmp_path) -> None:
+    script = "from obseq.cli.main import main; import sys; sys.exit(main(['demo', '--out', sys.argv[1]]))"
+    command = f"{shlex.join([sys.executable, '-c', script, str(tmp_path / 'out')])} >&-"
+    done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "out" / "adjustment.json").is_file()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")

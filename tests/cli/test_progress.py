@@ -103,3 +103,23 @@ def test_nobody_is_told_of_counts_outside_of_what_is_counted(tmp_path) -> None:
         assert type(read_text(path).lines) is not list
     with Stopwatch().counted("read"):
         assert type(read_text(path).lines) is list
+
+
+def test_tables_and_xml_are_counted_too(tmp_path, monkeypatch) -> None:
+    from obseq import stopwatch
+    from obseq.reading import text
+    from obseq.reading.tables import Table
+    from obseq.reading.xml import read_xml
+    from obseq.stopwatch import Stopwatch
+
+    monkeypatch.setattr(stopwatch, "PERIOD", 0.0)
+    monkeypatch.setattr(text, "_STRIDE", 1)
+    said: list[str] = []
+    table, xml = tmp_path / "t.csv", tmp_path / "t.xml"
+    table.write_text("name,x\nA,1\nB,2\n", encoding="utf-8")
+    xml.write_text("<a>\n<b/>\n<b/>\n</a>\n", encoding="utf-8")
+    with Stopwatch(said.append).counted("read"):
+        Table.read(table)
+        read_xml(xml)
+    assert f"read {table}: line 3 of 3" in said
+    assert f"read {xml}: line 3 of 4" in said

@@ -109,6 +109,13 @@ def test_rtl_from_a_system_that_is_not_projs() -> None:
     assert base.from_geocentric(frame.translation) == pytest.approx([100.0, 0.0, 0.0], abs=1e-7)
 
 
+def test_rtl_completed_across_the_date_line() -> None:
+    points = [[179.9995, -17.0, 10.0], [-179.9995, -17.0, 12.0]]
+    frame = crs.complete_rtl(points, parse("EPSG:4326"))
+    assert np.abs(crs.Transformer(parse("EPSG:4326"), frame).forward(points)).max() < 60.0
+    assert crs.side_by_side(np.array(points), parse("L93")).tolist() == points
+
+
 def test_rtl_cannot_be_completed_without_a_place() -> None:
     with pytest.raises(CrsError, match="at least one point"):
         crs.complete_rtl(np.empty((0, 3)), parse("L93"))

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from obseq.diagnosis.columns import Columns
-from obseq.diagnosis.engine import Search, diagnose
+from obseq.diagnosis.engine import Search, diagnose, noise
 from obseq.diagnosis.hypotheses import Family, Hypotheses
 from obseq.diagnosis.linear import Linear
 from obseq.diagnosis.linear_tests import LinearTests
@@ -376,3 +376,12 @@ def test_a_variance_factor_scales_tests_and_standard_deviations_and_no_size() ->
     np.testing.assert_allclose(loose.change.size, plain.change.size, rtol=1e-9)
     np.testing.assert_allclose(loose.change.sigma, 2.0 * plain.change.sigma, rtol=1e-9)
     assert not diagnose(Linearly(matrix, noise), replace(POLICY, variance=900.0)).accused
+
+
+@pytest.mark.parametrize("factor", [0.1, 7.0])
+def test_the_noise_of_most_equations_is_known_whatever_the_others_are(factor: float) -> None:
+    matrix, errors = rows_of(3)
+    errors *= factor
+    errors[[4, 9]] += 1000.0 * factor
+    found = noise(Linearly(matrix, errors))
+    assert 0.3 * factor**2 < found < 3.0 * factor**2

@@ -199,3 +199,11 @@ def test_what_type_checkers_are_told_of_tables_is_true(asked, record, others):
             assert hint["return"] == f"Table[{kinds[name].__name__}]"
             promised += 1
     assert promised >= 4
+
+
+def test_on_a_datum_of_its_own_what_is_known_takes_no_part(block):
+    free, same = block.adjust(datum="points"), block.without(kind="control").adjust(datum="points")
+    np.testing.assert_allclose(free.coordinates, same.coordinates, rtol=0, atol=1e-9)
+    assert free.sigma0 == pytest.approx(same.sigma0, rel=1e-9)
+    assert any("take no part: the block is free" in note for note in free.block.notes)
+    assert not any("take no part" in note for note in block.adjust().block.notes)

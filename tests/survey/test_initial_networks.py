@@ -201,3 +201,44 @@ def test_demo_files():
     # MMVII takes G0 from the first direction: PtA -> PtB is due east
     np.testing.assert_allclose(values.g0, [math.pi / 2, math.pi / 4], atol=1e-12)
     np.testing.assert_array_equal(points.sigmas[[0, 3]], 0.001)
+
+
+def grid(folder, size, rng, kinds):
+    """Stations of a grid that see their neighbours; three corners are known, the others at 0 0 0."""
+    places = {
+        (i, j): np.array([100.0 * i, 100.0 * j, 0.0]) + rng.normal(0.0, 5.0, 3)
+        for i in range(size)
+        for j in range(size)
+    }
+    corners = (0, 0), (0, size - 1), (size - 1, size - 1)
+    cor = [f"1 P{i}_{j} {' '.join(map(repr, map(float, places[i, j])))} 0.001" for i, j in corners]
+    cor += [f"0 P{i}_{j} 0 0 0" for i, j in places if (i, j) not in corners]
+    lines = []
+    for (i, j), here in places.items():
+        zero, code = rng.uniform(0.0, 400.0), 7
+        for there in ((i + 1, j), (i, j + 1), (i - 1, j), (i, j - 1), (i + 1, j + 1), (i - 1, j - 1)):
+            if there in places:
+                arm, ends = places[there] - here, f"P{i}_{j} P{there[0]}_{there[1]}"
+                azimuth = math.atan2(arm[0], arm[1]) * 200.0 / math.pi
+                reading = (azimuth - zero + rng.normal(0.0, 0.001)) % 400.0
+                values = {
+                    "7": reading,
+                    "3": np.linalg.norm(arm) + rng.normal(0.0, 0.002),
+                    "4": arm[2] + rng.normal(0.0, 0.001),
+                }
+                lines += [
+                    f"{code if kind == '7' else kind} {ends} {values[kind]:.6f} 0.002" for kind in kinds
+                ]
+                code = 5
+    (folder / "grid.obs").write_text("\n".join(lines))
+    (folder / "grid.cor").write_text("\n".join(cor))
+    return folder / "grid.obs", folder / "grid.cor", places
+
+
+@pytest.mark.slow
+def test_sights_without_zenith_angles_do_not_drift(tmp_path):
+    # readings there and back carry the azimuth where no sight is a vector
+    obs, cor, places = grid(tmp_path, 25, np.random.default_rng(3), "734")
+    points, values = solved(obs, cor)
+    true = np.array([places[tuple(map(int, name[1:].split("_")))] for name in points.names])
+    assert np.linalg.norm(values.coordinates - true, axis=1).max() < 1.0

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from obseq.errors import InputError
 from obseq.survey import Network
 
 LAMBERT = "IGNF:LAMB93"
@@ -79,3 +80,25 @@ def test_a_constraint_works_across_the_date_line(tmp_path):
         tmp_path / "n.obs", tmp_path / "n.cor", points_crs="EPSG:4326", frame="RTL*180*10*0*EPSG:4326"
     )
     assert max(abs(row["residual"]) for row in result.adjust().to_dict()["constraints"]) < 0.01
+
+
+def test_the_frame_of_a_network_across_the_date_line_is_there(tmp_path):
+    (tmp_path / "n.obs").write_text("3 A P 80.070 0.002\n3 B P 80.136 0.003\n4 A P 1.0 0.01\n")
+    found = []
+    for longitude in (-179.9995, 180.0005):
+        (tmp_path / "n.cor").write_text(
+            f"1 A 179.9995 -17 10 0.001\n1 B {longitude} -17 10 0.001\n0 P 180 -17.0005 9\n"
+        )
+        network = Network.read(tmp_path / "n.obs", tmp_path / "n.cor", points_crs="EPSG:4326")
+        found.append(network.adjust())
+    assert found[0].frame == found[1].frame
+    np.testing.assert_allclose(
+        found[0].points.covariances, found[1].points.covariances, rtol=1e-6, atol=1e-12
+    )
+
+
+def test_a_point_known_at_a_pole_is_refused_by_name(tmp_path):
+    (tmp_path / "n.cor").write_text("1 A 0 90 0 0.001\n1 B 0 89.999 0 0.001\n0 P 90 89.999 9\n")
+    (tmp_path / "n.obs").write_text("3 A P 80.070 0.002\n3 B P 80.136 0.003\n4 A P 1.0 0.01\n")
+    with pytest.raises(InputError, match=r"point A \(.*n.cor:1\) is known at a pole"):
+        Network.read(tmp_path / "n.obs", tmp_path / "n.cor", points_crs="EPSG:4326").adjust()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_quality import SIGMA, distances
 
+from obseq.diagnosis.engine import Search
 from obseq.survey import Network, Quality
 from obseq.survey.kinds.registry import BY_CODE
 
@@ -46,6 +47,13 @@ def test_sigmas_that_are_all_too_large_hide_an_error_from_w_and_not_from_tau(tmp
     assert not network.adjust(quality=W).record().rejections
     (found,) = network.adjust(quality=TAU).record().rejections
     assert found.row == 4 and found.blunder == pytest.approx(0.03, abs=4 * SIGMA)
+
+
+def test_one_search_serves_whatever_the_factor_of_the_sigmas_is(tmp_path, monkeypatch):
+    searches, search = [], Search.at_first
+    monkeypatch.setattr(Search, "at_first", lambda own: searches.append(own) or search(own))
+    found = scaled(distances(tmp_path, blunder=0.3), 0.2).adjust(quality=TAU).record().rejections
+    assert [one.row for one in found] == [4] and len(searches) == 1
 
 
 def test_sigmas_that_are_all_too_small_invent_no_error_for_tau(tmp_path):

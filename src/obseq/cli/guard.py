@@ -21,6 +21,7 @@ SOON = 0.01
 
 def guarded(program: str, work: Callable[[], int]) -> int:
     """The exit code of some work, or that of its failure, said on standard error in the name of a program."""
+    _open_closed_streams()
     _print_any_character()
     try:
         with _ended_as_by_the_keyboard(), _no_interruption_lost():
@@ -93,6 +94,13 @@ def _fail(program: str, message: str) -> int:
 
 def _say(message: str) -> None:
     sys.stderr.write(printable(f"{message}\n"))
+
+
+def _open_closed_streams() -> None:
+    """A service may start us without standard output: what is printed there is lost, and nothing else."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
 
 
 def _print_any_character() -> None:

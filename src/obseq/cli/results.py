@@ -4,6 +4,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -176,6 +177,16 @@ def show(
     stream = _stream(paths)
     for line, level in told(outcome, [str(path) for path in paths], detail, seconds):
         print(coloured(line, level, stream), file=stream)
+
+
+@contextmanager
+def shown_anyway(show: Callable[[], None]) -> Iterator[None]:
+    """Where results cannot be written (a full disk), what was found is printed before the error."""
+    try:
+        yield
+    except InputError:
+        show()
+        raise
 
 
 def show_adjustment(

@@ -6,7 +6,7 @@ which are in its own units (`plan_unit`, `height_unit`). PROJ itself is loaded w
 
 from obseq.arrays import FloatArray
 from obseq.crs.area import area_warning, outside_area
-from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at
+from obseq.crs.definition import ALIASES, complete_rtl, parse, rtl_at, side_by_side
 from obseq.crs.ground import WGS84, Ground
 from obseq.crs.normals import Normals
 from obseq.crs.operations import KEPT_HEIGHTS, Operation, geodetic_from_geocentric
@@ -60,6 +60,7 @@ __all__ = [
     "parse",
     "refraction_correction",
     "rtl_at",
+    "side_by_side",
     "slopes_of_arc",
     "turn_of_vertical",
 ]

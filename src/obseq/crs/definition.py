@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, TABLE, TEXT, expecting, instance
+from obseq.arrays import FloatArray
 from obseq.crs.point_arrays import as_points, check_finite
 from obseq.crs.proj import ProjSystem, proj_system
 from obseq.crs.rigid import LocalTangent, geocentric, local_euclidean, local_tangent
@@ -70,7 +71,12 @@ def complete_rtl(points: npt.ArrayLike, source: CoordinateSystem) -> LocalTangen
     if not len(given):
         raise CrsError("A local tangent frame (RTL) at the mean of points needs at least one point.")
     check_finite(given, given, "has no finite coordinates: the mean of the points is undefined.")
-    return rtl_at(given.mean(axis=0), source)
+    return rtl_at(side_by_side(given, source).mean(axis=0), source)
+
+
+def side_by_side(points: FloatArray, system: CoordinateSystem) -> FloatArray:
+    """The points (n, 3) with longitudes within half a turn of the first: these have a mean."""
+    return np.asarray(points[:1] + system.differences(points, points[:1]))
 
 
 @expecting(origin=ARRAY, source=instance(CoordinateSystem))

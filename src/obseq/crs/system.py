@@ -68,6 +68,14 @@ class CoordinateSystem(ABC):
         """Unit of the third coordinate."""
         return METRE
 
+    def differences(self, coordinates: FloatArray, others: FloatArray) -> FloatArray:
+        """(n, 3) coordinates minus others, in the units of the system; also across the date line."""
+        result = np.asarray(coordinates - others)
+        if self.plan_unit.is_angle:
+            turn = 2.0 * np.pi / self.plan_unit.factor
+            result[:, 0] -= turn * np.round(result[:, 0] / turn)
+        return result
+
     @property
     def is_complete(self) -> bool:
         """False for a bare `RTL`, whose origin is still to be chosen."""

@@ -37,6 +37,33 @@ def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = N
     return search.at_first() or search.patiently()
 
 
+def noise(model: Model[Place]) -> float:
+    """The variance factor of what a linear model leaves without errors that stand out; 0 without any test.
+
+    It begins at that of the median of all tests, which an error that spoils many makes too large, and falls
+    as long as errors stand out of it.
+    """
+    hypotheses = model.hypotheses
+    tests = LinearTests(*model.linearised(model.robust(), ()), hypotheses, POLICY)
+    found = tests.tests(tests.given(()), blocks=False)
+    seen = hypotheses.is_start & (found.statistic > 0.0)
+    if not seen.any():
+        return 0.0
+    tests.scale = float(np.median(found.statistic[seen] / found.noise[seen])) / _MEDIAN
+    for _ in range(POLICY.rounds):
+        chosen = select(tests)
+        spare = tests.linear.redundancy - sum(map(tests.rank, chosen))
+        left = tests.cost - tests.took(chosen)
+        if not chosen or spare <= 0 or left >= tests.scale * spare:
+            break
+        tests.scale = left / spare
+    return tests.scale
+
+
+_MEDIAN = 0.455
+"""Of chi-square with one degree of freedom."""
+
+
 class Search(Generic[Place]):
     """One diagnosis: what it has spent, and what it found."""
 

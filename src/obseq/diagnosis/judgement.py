@@ -36,7 +36,7 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
         return Verdict(Status.UNEXPLAINED, (), found.tests.cost, spare, said, many=len(chosen))
     found = with_slips(model, Explanation(found.price, found.tests, tuple(chosen), found.place, found.same))
     chosen, tests = list(found.chosen), found.tests
-    left = tests.cost - tests.took(chosen)
+    left = max(tests.cost - tests.took(chosen), 0.0)  # a difference of large numbers where little is left
     if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))

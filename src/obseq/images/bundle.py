@@ -72,7 +72,8 @@ class BundleAdjustment(EditedBlock):
                 or 1e-3 with robust weights, which come near their end slowly.
             datum: what fixes position, orientation and scale: "control" (control points, observed or held
                 poses), "centres" or "points" (a free block: the changes of all of them from the start are
-                least), names of points (of these), or "none" (nothing; no covariances).
+                least, control points and observed positions take no part), names of points (of these), or
+                "none" (nothing; no covariances).
             covariance: False when no precision will be asked for.
             eliminate: True to take points out of the normal equations first, where the strategy lets them;
                 the solution is the same.
@@ -87,8 +88,9 @@ class BundleAdjustment(EditedBlock):
             SingularSystemError: measures do not determine some unknowns, which are named; or thresholds
                 reject all of them.
         """
+        block = self if datum in ("control", "none") else self.freed()
         solve = partial(
-            self._solved,
+            block._solved,
             max_iterations=max_iterations,
             tolerance=tolerance,
             datum=datum,
@@ -100,12 +102,12 @@ class BundleAdjustment(EditedBlock):
             blunders=blunders,
             blocks=blocks,
         )
-        solution = solve(start_of(self))
+        solution = solve(start_of(block))
         places = taken_in_again(solution)
         if not places:
             return solution
         try:
-            again = solve(start_of(self, places))
+            again = solve(start_of(block, places))
         except ObseqError:
             return solution
         return again if again.converged >= solution.converged else solution

@@ -75,6 +75,19 @@ class EditedBlock(AdjustableBlock):
         )
         return made
 
+    def freed(self) -> Self:
+        """The block without what is known of the world, control points and positions; its notes say so."""
+        made, known = self.copied(), int((~self.control.is_free).any(axis=1).sum())
+        what = [f"known coordinates of {known} points"] * bool(known)
+        what += ["positions of images"] * bool(self.antennas)
+        made.control = replace(
+            made.control, covariances=np.array([FREE] * len(made.control.names)).reshape(-1, 3, 3)
+        )
+        made.antennas.clear()
+        if what:
+            made.notes.append(f"{' and '.join(what)} take no part: the block is free, as its datum asks")
+        return made
+
     @expecting(kind=TEXT | NOTHING, factor=NUMBER, sigma=NUMBER | NOTHING)
     def weights(
         self, *what: str, kind: str | None = None, factor: float = 1.0, sigma: float | None = None
@@ -154,7 +167,7 @@ class EditedBlock(AdjustableBlock):
             solution = made._robustly(loss, options, told)
         boundary = Boundary()
         search = partial(diagnosed, solution, given, told, **options)
-        diagnosis = boundary.attempt("the search for errors", search, None)
+        diagnosis = boundary.attempt("the search for errors", search, None, ends=True)
         found = {entry.name: getattr(solution, entry.name) for entry in fields(solution)}
         return AdjustedBlock(**found, diagnosis=diagnosis, failures=tuple(boundary.failures))
 

@@ -16,7 +16,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.reading.origin import Origin
-from obseq.reading.text import quoted, read_bytes
+from obseq.reading.text import counted, quoted, read_bytes
 from obseq.spreadsheets import csv_text, text_in
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class Table:
         def error(index: int, problem: str) -> InputError:
             return InputError(f"{path}:{index + 1}: {problem}")
 
-        rows = Rows(text_of(path).splitlines() or [""], error, has_remarks=True)
+        rows = Rows(counted(path, text_of(path).splitlines() or [""]), error, has_remarks=True)
         body = list(rows)
         if lost := rows.rows_in_remarks():
             LOGGER.warning(

@@ -6,7 +6,7 @@ import math
 import stat
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
@@ -95,6 +95,17 @@ class _CountedLines(list[str]):
                 self._tally.tell(k + 1)
             yield line
 
+    def __getitem__(self, index: Any) -> Any:
+        if type(index) is int and index % _STRIDE == 0 and self._tally.is_due:
+            self._tally.tell(index + 1)
+        return super().__getitem__(index)
+
+
+def counted(path: str | Path, lines: list[str]) -> list[str]:
+    """The lines of a file; they tell how far they have been read where somebody listens."""
+    tally = Tally(f"read {path}: line", len(lines))
+    return _CountedLines(lines, tally) if tally.is_heard else lines
+
 
 def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     """Reads a text file; line ends may be LF, CRLF or CR, a mark of UTF-8 is dropped, one of UTF-16 obeyed.
@@ -116,9 +127,8 @@ def read_text(path: str | Path, encoding: str = "utf-8") -> TextFile:
     if not text.strip():
         raise InputError(f"{path}: the file is empty")
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    tally = Tally(f"read {path}: line", len(lines))
-    lines = _CountedLines(lines, tally) if tally.is_heard else lines
-    return TextFile(str(path), lines, not _has_surrogates(text), encoding.upper().removesuffix("-SIG"))
+    name = encoding.upper().removesuffix("-SIG")
+    return TextFile(str(path), counted(path, lines), not _has_surrogates(text), name)
 
 
 def encoding_of(data: bytes, encoding: str = "utf-8") -> str:

@@ -9,6 +9,7 @@ from xml.parsers import expat
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.reading.text import TextFile, encoding_of, parse_number, quoted, read_bytes
+from obseq.stopwatch import Tally
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -202,6 +203,7 @@ class _Builder:
             raise InputError(f"{name}: the file is empty")
         lines = data.decode(encoding_of(data), "replace").splitlines()
         self._file = TextFile(name, lines or [""], True, "UTF-8")
+        self._tally = Tally(f"read {name}: line", len(lines))
         self._open: list[tuple[Element, list[Element], list[str]]] = []
         self._root: Element | None = None
         self._inside: list[Element] = []
@@ -243,6 +245,8 @@ class _Builder:
             if not value.isascii():
                 given[key] = composed(value)
         line = min(self._parser.CurrentLineNumber, len(self._file.lines))
+        if self._tally.is_due:
+            self._tally.tell(line)
         own = name.rpartition(":")[2] if ":" in name else name
         element, children = Element(self._file, own, given or NOTHING, line), list[Element]()
         if not self._open:

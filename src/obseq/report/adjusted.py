@@ -177,7 +177,7 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
         return Card("sigma0", value, note="nothing is measured yet" if record.planned else "not tested")
     note, rest = "", record.diagnosis and record.diagnosis.sigma0
     if record.gross_errors:
-        note = f"{rest:.3g} without the suspected errors" if rest else "spoilt by the suspected errors"
+        note = ("spoilt by" if rest is None else f"{rest:.3g} without") + " the suspected errors"
     return sigma0_card(test, note)
 
 

@@ -12,6 +12,7 @@ from obseq import crs
 from obseq.boundary import Boundary
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.diagnosis.engine import noise
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.records.diagnosis import DiagnosisRecord
@@ -250,7 +251,7 @@ class Fieldwork:
         found = self._computed_somehow(given, equations, first, boundary, strict=strict)
         with computation.watch.phase("diagnosis"):
             model = self._model(found.start, found.solved(first.quality), computation.blocks)
-            out = self._judged(model, found.adjustment, computation, boundary)
+            out = self._judged(model, computation, boundary)
         diagnosis = out.diagnosis
         if strict and diagnosis.accused:
             raise InputError(listed_errors(diagnosis))
@@ -322,20 +323,18 @@ class Fieldwork:
         make = partial(equations_of, self.frame, self.point_system, blocks=blocks)
         return NetworkModel(make, given, solved, (self.units, self.point_system))
 
-    def _judged(
-        self, model: NetworkModel, adjustment: Adjustment, computation: Computation, boundary: Boundary
-    ) -> Snooped:
+    def _judged(self, model: NetworkModel, computation: Computation, boundary: Boundary) -> Snooped:
         """What is wrong with an adjustment, undecided where that fails; what snooping leaves out of it."""
         wanted = computation.quality
-        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the diagnosis failed")
+        failed = DiagnosisRecord("undecided", 0.0, 0, (), "the search failed or was interrupted")
 
         def found() -> Snooped:
             search = partial(self._recorded, model, told=computation.watch.progress)
             if wanted.snooping is None:
                 return Snooped(search(), POLICY)
-            return snooped(search, wanted, adjustment)
+            return snooped(search, wanted, lambda: noise(model))
 
-        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY))
+        return boundary.attempt(_DIAGNOSIS, found, Snooped(failed, POLICY), ends=True)
 
     def _without(
         self, found: Computed, model: NetworkModel, out: Snooped, computation: Computation

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-from obseq.boundary import Boundary
+from obseq.boundary import Boundary, interruptions_end_searches
 from obseq.cli.images.bundle_sources import DATUMS, add_sources, inputs, read_block
 from obseq.cli.in_blocks import add_blocks_arguments, blocks_of, ended
 from obseq.cli.parsing import (
@@ -23,7 +23,7 @@ from obseq.cli.parsing import (
     positive_number,
 )
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show, telling
+from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show, shown_anyway, telling
 from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
@@ -157,7 +157,7 @@ def _add_computation(command: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Adjust what the command line names."""
     arguments.blocks = blocks_of(arguments)
-    with ended(arguments.blocks):
+    with ended(arguments.blocks), interruptions_end_searches():
         return _adjusted(arguments)
 
 
@@ -210,7 +210,7 @@ def _reported(
     boundary = Boundary()
     search = partial(diagnosed, solution, given, watch.progress, **options)
     with watch.phase("search for errors"):
-        diagnosis = boundary.attempt("the search for errors", search, None)
+        diagnosis = boundary.attempt("the search for errors", search, None, ends=True)
     with watch.phase("record"):
         record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
     with watch.phase("write"):
@@ -218,7 +218,8 @@ def _reported(
         files = boundary.texts(telling(_writers(outputs, solution, record, read), watch.progress))
         files |= _written(arguments, solution, boundary)
         record = structs.replace(record, failures=(*record.failures, *boundary.failures))
-        write_all(files)
+        with shown_anyway(partial(_show, record, [], detail_of(arguments), watch)):
+            write_all(files)
     return record, [path for path in outputs.values() if path in files]
 
 

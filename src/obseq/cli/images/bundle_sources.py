@@ -101,9 +101,6 @@ def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | t
     else:
         block = _read_tables(arguments)
     with noting(block.notes):
-        if arguments.datum not in (None, DATUMS[0]) and block.antennas:
-            block.antennas.clear()
-            block.notes.append(f"positions of the files take no part (--datum {arguments.datum})")
         put_ground(block, arguments)
         _add_observations(block, arguments)
         if given or arguments.control_crs or arguments.positions_crs:

@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         boundary, limit = Boundary(), options.iterations
         search = partial(diagnosed, solution, block.poses, progress, max_iterations=limit)
         with watch.phase("search for errors"):
-            diagnosis = boundary.attempt("the search for errors", search, None)
+            diagnosis = boundary.attempt("the search for errors", search, None, ends=True)
         record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
         results = Results(tree, options, arguments.orientation, arguments.out, arguments.json_files)
         writers = {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-from obseq.boundary import Boundary
+from obseq.boundary import Boundary, interruptions_end_searches
 from obseq.cli.in_blocks import add_blocks_arguments, blocks_of, ended
 from obseq.cli.networks.network_files import COMMON, Source, add_network_arguments, given, source_of
 from obseq.cli.networks.quality import add_quality_arguments, quality_of
@@ -23,6 +23,7 @@ from obseq.cli.results import (
     detail_of,
     outputs_of,
     show_adjustment,
+    shown_anyway,
     shown_in,
     write,
 )
@@ -196,7 +197,7 @@ def _datum(arguments: argparse.Namespace) -> Any:
 
 def adjust(request: Request) -> int:
     """Adjust a network, write its results, print its summary; 1 when it did not converge or is incomplete."""
-    with ended(request.solving.get("blocks")):
+    with ended(request.solving.get("blocks")), interruptions_end_searches():
         return _adjusted(request)
 
 
@@ -258,7 +259,8 @@ def _written(network: "Network", request: Request, watch: Stopwatch) -> tuple[Ad
         record = adjustment.record(request.title)
     loading = [PhaseRecord("load", watch.seconds["load"])] if "load" in watch.seconds else []
     record = structs.replace(record, phases=(*loading, *record.phases))
-    with watch.phase("write"):
+    shown = partial(show_adjustment, record, (), request.detail)
+    with watch.phase("write"), shown_anyway(shown):
         record = write(record, request.outputs, files, watch.progress)
     rest = (PhaseRecord(name, watch.seconds[name]) for name in ("record", "write"))
     phases = (*record.phases, *rest)

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 from obseq.cli.networks.network_files import COMMON, Source, add_network_arguments, source_of
 from obseq.cli.parsing import Commands, add_command, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_detail, add_units, detail_of, show, shown_in, telling
+from obseq.cli.results import (
+    INCOMPLETE,
+    add_detail,
+    add_units,
+    detail_of,
+    show,
+    shown_anyway,
+    shown_in,
+    telling,
+)
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.stopwatch import Stopwatch
@@ -81,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             from obseq.report.compared import outcome
             from obseq.survey import compare  # noqa: F401  # its time is not that of reading
         record = _compared(arguments, first, second, watch)
-        with watch.phase("write"):
+        with watch.phase("write"), shown_anyway(lambda: show(outcome(record), (), detail)):
             made = dict(zip(places, texts_of(record).values(), strict=True)) if places else {}
             write_all({path: text() for path, text in telling(made, progress).items()})
     with watch.phase("summary"):

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 from obseq.cli.networks.network_files import COMMON, add_network_arguments, given, source_of
 from obseq.cli.parsing import Commands, add_command, positive_integer, positive_number, probability
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_detail, add_units, detail_of, show, shown_in, telling
+from obseq.cli.results import (
+    INCOMPLETE,
+    add_detail,
+    add_units,
+    detail_of,
+    show,
+    shown_anyway,
+    shown_in,
+    telling,
+)
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.stopwatch import Stopwatch
@@ -115,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
             network = shown_in(source.read(places), arguments.units)
         with watch.phase("plan"):
             record = _planned(arguments, network, progress)
-        with watch.phase("write"):
+        with watch.phase("write"), shown_anyway(lambda: show(outcome(record), (), detail)):
             made = dict(zip(places, texts_of(record).values(), strict=True)) if places else {}
             write_all({path: text() for path, text in telling(made, progress).items()})
     with watch.phase("summary"):

@@ -82,7 +82,7 @@ class SatelliteFiles:
 
 def _frame(rpcs: dict[str, Rpc]) -> str:
     middles = [[rpc.offsets[key] for key in ("LONG", "LAT", "HEIGHT")] for rpc in rpcs.values()]
-    return crs.rtl_at(np.mean(middles, axis=0), crs.parse(GEOGRAPHIC)).definition
+    return crs.complete_rtl(middles, crs.parse(GEOGRAPHIC)).definition
 
 
 def _renamed(measures: ImagePoints, images: Sequence[str]) -> ImagePoints:

@@ -125,6 +125,14 @@ def group_components(system: LeastSquares, groups: Sequence[str] | None = None) 
     )
 
 
+class UncontrolledError(InputError):
+    """A component, `name`, has no share in the redundancy: its sigmas stay as they are given."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"the variance component {name!r} has no redundancy: nothing controls it")
+        self.name = name
+
+
 def variance_components(
     system: LeastSquares,
     components: Sequence[Component] | None = None,
@@ -235,7 +243,7 @@ class _Rounds:
     def _refuse_uncontrolled(self, redundancy: FloatArray, weight: FloatArray) -> None:
         for name, part, whole in zip(self.equations.names, redundancy, weight, strict=True):
             if part <= 1e-6 * whole:
-                raise InputError(f"the variance component {name!r} has no redundancy: nothing controls it")
+                raise UncontrolledError(name)
 
     def _refuse_inseparable(self, scaled: FloatArray) -> None:
         size = np.sqrt(np.maximum(np.diag(scaled), ROUNDING))

@@ -211,7 +211,9 @@ class Computation:
             found = Examination(found.wanted, replace(found.solution, weak=weak))
         with self.watch.phase("results"):
             adjustment = self.described(start, equations, found)
-            adjustment = adjustment.doubting(_doubtful(start, adjustment)).failing(_withheld(weak))
+            adjustment = adjustment.doubting(_doubtful(start, adjustment)).failing(
+                (*found.failures, *_withheld(weak))
+            )
         if self.quality.inner:
             with self.watch.phase("inner constraints"):
                 adjustment = self._with_inner(adjustment, start, equations)

@@ -101,6 +101,7 @@ class Examination:
         components: The variance components; None when not asked for.
         relative: Precision of pairs of points that observations join; None when not asked for.
         effects: What detectable biases do, by the identity of the batch; None when not asked for.
+        failures: What was asked for and could not be found out, a sentence each.
     """
 
     wanted: Quality
@@ -109,6 +110,7 @@ class Examination:
     components: VarianceComponents | None = None
     relative: RelativePrecision | None = None
     effects: Mapping[int, Effects] | None = None
+    failures: tuple[str, ...] = ()
 
     @property
     def a_priori(self) -> bool:
@@ -147,7 +149,7 @@ def examine(
     solution = system.solve(covariance=True, **solving)
     if not solution.n_unknowns or solution.weak is not None:  # normalised residuals say what there is to say
         return Examination(wanted, solution)
-    components = _components(equations, book, solving) if wanted.variance_components else None
+    components, failures = _components(equations, book, solving) if wanted.variance_components else (None, ())
     solution = components.result if components else solution
     levels = wanted.level, wanted.power
     quality = None
@@ -157,7 +159,7 @@ def examine(
         _relative(equations, book, solution, _is_a_priori(wanted, solution)) if wanted.relative else None
     )
     effects = _effects(equations, quality) if wanted.effects and quality else None
-    return Examination(wanted, solution, quality, components, relative, effects)
+    return Examination(wanted, solution, quality, components, relative, effects, failures)
 
 
 def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects]:
@@ -168,23 +170,37 @@ def _effects(equations: Equations, quality: Reliability) -> Mapping[int, Effects
     return {id(batch): effects_of_biases(quality, batch, equations.points) for batch in batches}
 
 
-def _components(equations: Equations, book: FieldBook, solving: Mapping[str, Any]) -> VarianceComponents:
+def _components(
+    equations: Equations, book: FieldBook, solving: Mapping[str, Any]
+) -> tuple[VarianceComponents | None, tuple[str, ...]]:
+    """The components that the network controls, and what could not be estimated."""
     if book.observations.relative_sigmas.any():
-        raise InputError(
-            "variance components: some sigmas have a part relative to the distance, which no factor holds; "
-            "give absolute sigmas, or --ignore relative-sigmas"
+        return None, (
+            "no variance components: some sigmas have a part relative to the distance, which no factor "
+            "holds; give absolute sigmas, or --ignore relative-sigmas",
         )
     from obseq.leastsquares.statistics import variance_components as engine
 
-    system = equations.system
+    system, failures = equations.system, []
     groups = list(dict.fromkeys(batch.group for _, batch in equations.batches.values()))
     is_large = system.n_unknowns > engine.EXACT_LIMIT
-    return engine.variance_components(
-        system,
-        engine.group_components(system, groups),
-        method=engine.Method.REDUNDANCY if is_large else engine.Method.LS_VCE,
-        solve_options=solving,
-    )
+    method = engine.Method.REDUNDANCY if is_large else engine.Method.LS_VCE
+    solved = system.unknowns.state()
+    while groups:
+        components = engine.group_components(system, groups)
+        try:
+            found = engine.variance_components(system, components, method=method, solve_options=solving)
+        except engine.UncontrolledError as error:
+            groups.remove(error.name)
+            failures.append(f"no variance component of {error.name}: nothing controls it; its sigmas stay")
+        except InputError as error:
+            failures.append(f"no variance components: {error}")
+            break
+        else:
+            return found, tuple(failures)
+        system.unknowns.restore(solved)
+    system.unknowns.restore(solved)
+    return None, tuple(failures)
 
 
 def _relative(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY, Policy
@@ -31,8 +33,6 @@ SHARED = "a test rejects what is given or shared beforehand, which is corrected 
 UNEXPLAINED = "the rest is rejected still: no error explains it"
 NEEDED = "without what is accused, some unknowns are undetermined"
 TAU = "tau"
-_HALVINGS = 6
-"""Of an unknown factor of the sigmas: errors make it up to 64 times too large at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,42 +61,26 @@ class Snooped:
         return mask
 
 
-def snooped(diagnose: Diagnose, wanted: Quality, before: Adjustment) -> Snooped:
+def snooped(diagnose: Diagnose, wanted: Quality, factor: Callable[[], float]) -> Snooped:
     """What is to be left out of a network: the observations of errors that are told from all others.
 
     Args:
         diagnose: What is wrong with the network, judged by a policy.
         wanted: By which test, and at which level: with "tau" the variance factor is that of what remains.
-        before: The adjustment with everything in it.
+        factor: Of the sigmas, where errors take no part in it.
     """
     policy = replace(POLICY, false_alarm=wanted.snooping_level)
-    factor = before.solution.variance_factor
-    if wanted.snooping == TAU and factor:
-        policy, found = _with_variance(diagnose, policy, factor)
-    else:
+    if wanted.snooping != TAU or not (variance := factor()):
         found = diagnose(policy)
+        return Snooped(found, policy, tuple(filter(_is_left_out, found.accused)))
+    policy = replace(policy, variance=variance)
+    found = diagnose(policy)
+    if not all(map(partial(_is_sure, found), found.accused)):  # Pope's tau: chance alone does as much
+        found = structs.replace(found, accused=())
     return Snooped(found, policy, tuple(filter(_is_left_out, found.accused)))
 
 
-def _with_variance(diagnose: Diagnose, policy: Policy, factor: float) -> tuple[Policy, DiagnosisRecord]:
-    """What is wrong where the sigmas have an unknown factor: the most that Pope's tau is sure of.
-
-    The first factor is that of all residuals, the errors among them. It is halved, or replaced by that of
-    what remains, and what is accused must be beyond chance with the factor that is estimated without it.
-    """
-    policy = replace(policy, variance=factor)
-    result = policy, diagnose(policy)
-    for _ in range(_HALVINGS):
-        tried = replace(policy, variance=factor)
-        found = diagnose(tried)
-        if found.accused and all(_is_sure(one, found) for one in found.accused):
-            result = tried, found
-        remains = (found.sigma0 or 1.0) ** 2 if found.accused else 1.0
-        factor *= min(remains, 0.25)
-    return result
-
-
-def _is_sure(one: AccusedRecord, found: DiagnosisRecord) -> bool:
+def _is_sure(found: DiagnosisRecord, one: AccusedRecord) -> bool:
     """Whether the test of an error is beyond its limit with the variance factor of what remains."""
     degrees = max(len(one.size), 1)
     spare = found.redundancy + degrees

@@ -245,7 +245,7 @@ def frame_of(
         points: The points, in their system; those without coordinates do not count in a mean.
     """
     frame, given = _systems_of(definition, points_crs, points)
-    placed = points.coordinates[points.has_coordinates]
+    placed = crs.side_by_side(points.coordinates[points.has_coordinates], given)
     if isinstance(frame, crs.RigidSystem) and given.kind is crs.Kind.PROJ and len(placed):
         is_own = isinstance(frame, crs.LocalTangent) and frame.base == given
         frame = frame if is_own else frame.with_heights_of(given, np.median(placed, axis=0))
@@ -265,7 +265,7 @@ def _systems_of(
             return (frame, given or frame) if frame.is_complete else _systems_of("RTL", None, points)
         known = points.has_coordinates & ~points.is_free.all(axis=1)
         chosen = points.coordinates[known if known.any() else points.has_coordinates]
-        return crs.complete_rtl(_together(chosen), given), given
+        return crs.complete_rtl(_together(chosen, given), given), given
     frame = crs.parse(definition)
     if frame.is_complete:
         return frame, given or frame
@@ -273,7 +273,7 @@ def _systems_of(
         raise InputError("the frame RTL takes its origin from the points: say their system (--points-crs)")
     if not points.has_coordinates.any():
         raise InputError("the frame RTL takes its origin from the points, and none has coordinates")
-    return crs.complete_rtl(_together(points.coordinates[points.has_coordinates]), given), given
+    return crs.complete_rtl(_together(points.coordinates[points.has_coordinates], given), given), given
 
 
 def _require_angles(given: crs.CoordinateSystem, points: Points) -> None:
@@ -301,8 +301,9 @@ def _frame_like(given: crs.CoordinateSystem | None) -> crs.CoordinateSystem:
     return plane if is_plane else given
 
 
-def _together(coordinates: FloatArray) -> FloatArray:
+def _together(coordinates: FloatArray, given: crs.CoordinateSystem) -> FloatArray:
     """The points (n, 3) that lie together: an approximation of 0 0 0 does not move the origin of a frame."""
+    coordinates = crs.side_by_side(coordinates, given)
     away = np.linalg.norm(coordinates[:, :2] - np.median(coordinates[:, :2], axis=0), axis=1)
     near = away <= _FARTHEST * max(float(np.median(away)), 1e-3)
     return np.asarray(coordinates[near])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.errors import InputError
 from obseq.survey.equations.surroundings import Recent
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ GROUP = "points"
 COMPONENTS = ("x", "y", "z")
 _EARTH = 6.371e6
 """Radius of the Earth (m), to some thousandths."""
+_AT_POLE = 1e-3
+"""Distance (m) from a pole within which a point is on it."""
 SAME_PLACE = 1e-3
 """After moves (m) below it the equations still hold to 1e-13 m, and what points carry along to 1e-3 / D."""
 
@@ -167,7 +170,8 @@ class KnownCoordinates:
         found = tangents.computed[np.searchsorted(self._known, rows)]
         if not len(found):
             return found
-        return np.asarray(self._system.differences(found, found.mean(axis=0)) * tangents.metres[:1])
+        arms = self._system.system.differences(found, found[:1])
+        return np.asarray((arms - arms.mean(axis=0)) * tangents.metres[:1])
 
     def places(self) -> dict[Batch, IntArray]:
         """Where the equations stand in `residuals`."""
@@ -182,7 +186,7 @@ class KnownCoordinates:
         """(k, 4) coefficients of points of the frame, and values: axis (p - here) = given - computed."""
         tangents = self._tangents.of(self._linearised_at[self._known])
         position = np.searchsorted(self._known, rows)
-        gaps = self._system.differences(self._values[self._known], tangents.computed) * tangents.metres
+        gaps = self._system.system.differences(self._values[self._known], tangents.computed) * tangents.metres
         gaps, here = gaps[position, components], tangents.here[position]
         coefficients = tangents.axes[position, components]
         coefficients = coefficients - gaps[:, None] * tangents.stretching[position, components]
@@ -227,7 +231,7 @@ class KnownCoordinates:
         found, position = np.unique(rows, return_inverse=True)
         here = solution.values(self._ids[found])
         computed, _, metres = self._system.coordinates_and_axes(here)
-        gaps = self._system.differences(computed, self._values[found]) * metres
+        gaps = self._system.system.differences(computed, self._values[found]) * metres
         sigmas = self._sigmas[rows, components]
         if self._points.covariance is not None:
             sigmas[len(self._rows) :] = np.sqrt(np.diag(self._points.covariance.matrix))
@@ -241,6 +245,13 @@ def _given(points: Points, point_system: PointSystem) -> FloatArray:
     some = np.flatnonzero(~points.is_free.all(axis=1))
     names = [points.names[row] for row in some]
     values[some] = point_system.coordinates(points.coordinates[some], names)
+    unit = point_system.system.plan_unit
+    if unit.is_angle:
+        for row in some[_EARTH * np.cos(values[some, 1] * unit.factor) < _AT_POLE]:
+            raise InputError(
+                f"point {points.names[row]} ({points.place(row)}) is known at a pole, where it has no "
+                "longitude: give the points in a system without (GeoC, or a polar projection as EPSG:32661)"
+            )
     return values
 
 

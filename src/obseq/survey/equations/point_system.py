@@ -115,7 +115,7 @@ class PointSystem:
         moved = steps[:, None, None, None] * AROUND[:, None, None] * np.eye(3)
         there = self.coordinates((points[:, None, None] + moved).reshape(-1, 3))
         here = np.repeat(computed, 3 * len(AROUND), axis=0)
-        gaps = self.differences(there, here).reshape(len(points), len(AROUND), 3, 3)
+        gaps = self.system.differences(there, here).reshape(len(points), len(AROUND), 3, 3)
         return np.asarray(np.einsum("k,nkji->nij", SHARES, gaps) / steps[:, None, None])
 
     def stretching(self, computed: FloatArray, axes: FloatArray, metres: FloatArray) -> FloatArray:
@@ -131,11 +131,3 @@ class PointSystem:
             found[:, 0] = outwards * factor / metres[:, :1]
             found[:, 1] = axes[:, 2] * factor / metres[:, 1:2]
         return found
-
-    def differences(self, coordinates: FloatArray, others: FloatArray) -> FloatArray:
-        """(n, 3) coordinates minus others, in the units of the system; also across the date line."""
-        result = np.asarray(coordinates - others)
-        if self.system.plan_unit.is_angle:
-            turn = 2.0 * np.pi / self.system.plan_unit.factor
-            result[:, 0] -= turn * np.round(result[:, 0] / turn)
-        return result

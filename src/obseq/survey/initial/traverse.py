@@ -3,7 +3,8 @@
 Where a network closes on itself, two points placed along different paths disagree by the drift of both paths.
 A station oriented on such a pair would pass the disagreement on, larger at each step. So a plumb station is
 linked to an oriented one by the raw observations that both made: of each other, and of common targets. The
-drift then grows slowly and never feeds itself. Azimuths between known points are links too.
+drift then grows slowly and never feeds itself. Where these have no lengths, the readings there and back
+link a station that is placed. Azimuths between known points are links too.
 """
 
 from __future__ import annotations
@@ -100,6 +101,8 @@ class Traverse:
             target = target_of[number]
             position = positions[target]
             if is_settled[target] and position is not None:
+                for other in self.graph.stations_at[target]:
+                    self._add_back(station, number, other, self.graph.sight_between(other, origin))
                 moved = math.hypot(origin_sigma, _honest_sigma(known, target))
                 # what is not surer in space is not surer along the horizon, which is shorter
                 if moved < self.surest[station] * math.dist(start, position):
@@ -118,10 +121,35 @@ class Traverse:
         step = Step("azimuth of a known point", self.graph.reading_rows(number))
         return Link(None, ((number, position),), azimuth_sigma, 0.0, None, step)
 
+    def _add_back(self, station: int, number: int | None, other: int, back: int | None) -> None:
+        """Links an open station that is placed to one that is oriented, by their readings of each other."""
+        known, graph = self.known, self.graph
+        if number is None or back is None or known.g0[other] is None or known.rotations[other] is not None:
+            return
+        distance = math.dist(*(known.position_of(graph.origins[k]) for k in (station, other)))
+        if distance > 0.0 and not math.isnan(graph.reading_of[number] + graph.reading_of[back]):
+            read = (graph.reading_sigma(k, distance) for k in (number, back))
+            azimuth_sigma = math.hypot(known.azimuth_sigmas[other], *read)
+            if azimuth_sigma < self.surest[station]:
+                self._push(station, azimuth_sigma, Traverse._link_back, number, back)
+
+    def _link_back(self, azimuth_sigma: float, number: int, back: int) -> Link:
+        graph, other = self.graph, self.graph.station_of[back]
+        reading, there = graph.reading_of[back], self.known.position_of(graph.origins[other])
+        origin = self._in_frame(other, (math.sin(reading), math.cos(reading), 0.0))
+        rows = (*graph.reading_rows(back), *graph.reading_rows(number))
+        step = Step("readings there and back", rows)
+        return Link(origin, ((number, there),), azimuth_sigma, 0.0, None, step)
+
     def add_neighbours(self, station: int) -> None:
         """Links from a station that has just been oriented and placed."""
         if not self._is_one_open():
             return
+        graph, is_settled = self.graph, self.known.is_settled
+        for number in graph.sights_from[station]:
+            for other in graph.stations_at[graph.target_of[number]]:
+                if is_settled[graph.origins[other]] and self._is_open(other):
+                    self._add_back(other, graph.sight_between(other, graph.origins[station]), station, number)
         ways, least = self._ways(station), self.known.azimuth_sigmas[station]
         mine, steps, surest = ways.of(station), self.known.station_steps, self.surest
         columns = ways.others[mine].tolist(), ways.azimuth_sigmas[mine].tolist()

@@ -204,10 +204,19 @@ class SightGraph:
         """The points that a station sights."""
         return [self.target_of[number] for number in self.sights_from[station]]
 
+    def sight_between(self, station: int, target: int) -> int | None:
+        """The first sight of a station to a target, if there is one."""
+        return self._sights_between.get((station, target))
+
+    @cached_property
+    def _sights_between(self) -> dict[tuple[int, int], int]:
+        pairs = zip(self.station_of, self.target_of, strict=True)
+        return {pair: number for number, pair in reversed(list(enumerate(pairs)))}
+
     def reading_between(self, station: int, target: int) -> float:
         """Reading of a station to a target (rad); NaN where there is none."""
-        found = (self.reading_of[k] for k in self.sights_from[station] if self.target_of[k] == target)
-        return next(found, math.nan)
+        number = self.sight_between(station, target)
+        return math.nan if number is None else self.reading_of[number]
 
     def reading_rows(self, number: int) -> tuple[int, ...]:
         """The observations of the reading of a sight; none when it has none."""
