@@ -89,7 +89,7 @@ def read_model(folder: Path) -> ColmapModel:
         for form in ("bin", "txt")
     }
     if all(lacking.values()) and folder.is_dir():
-        which = ", ".join(min(lacking["bin"], lacking["txt"], key=len))
+        which = ", ".join(lacking["bin"] if len(lacking["bin"]) <= len(lacking["txt"]) else lacking["txt"])
         raise InputError(
             f"{folder}: {which} not there: a model is {', '.join(FILES)}, all as .bin or as .txt"
         )
