@@ -4,9 +4,12 @@ Each size is a process of its own, which runs `obseq adjust ... --out`. Memory i
 says of it in each phase, looked at fifty times a second, and its peak.
 
     python tools/benchmarks/bench_results.py --points 10000 30000 100000
+    python tools/benchmarks/bench_results.py --points 30000 100000 --write     and in docs/scaling.md
 
 With two quiet cores 100,000 points take a minute and a half.
 """
+
+from __future__ import annotations
 
 import json
 import subprocess
@@ -16,8 +19,13 @@ import threading
 import time
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
+from typing import TYPE_CHECKING, Any
 
 from command import command_line, write_json
+from scaling import PAGE, written
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 HERE = Path(__file__).resolve().parent
 PER_POINT = 6
@@ -97,10 +105,30 @@ def told(figures: dict[str, object]) -> str:
     return "\n".join([*lines, f"  writing is {100.0 * share:.0f} % of it; {files}"])
 
 
+def laws(found: Sequence[dict[str, Any]]) -> str:
+    """Seconds and memory of each phase at all sizes; bytes a point, from the first size to the last."""
+    sizes = [f"{one['points']:,}" for one in found]
+    head = ["phase", *(f"{size}: CPU s" for size in sizes), *(f"{size}: MB" for size in sizes), "kB a point"]
+    lines = [head, ["---"] * len(head)]
+    whole = [
+        {name: sum(one["seconds"].values()) if name else one["peak"] for name in (1, 0)} for one in found
+    ]
+    first, last = found[0], found[-1]
+    more = (last["points"] - first["points"]) / 1e3
+    for name in last["seconds"]:
+        seconds, most = ([one[key].get(name, 0.0) for one in found] for key in ("seconds", "most"))
+        law = f"{(most[-1] - most[0]) / more:.1f}"
+        lines.append([name, *(f"{s:.1f}" for s in seconds), *(f"{m:,.0f}" for m in most), law])
+    law = f"{(last['peak'] - first['peak']) / more:.1f}"
+    lines.append(["all", *(f"{one[1]:.1f}" for one in whole), *(f"{one[0]:,.0f}" for one in whole), law])
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
 def main() -> None:
     """Prints the figures of each size."""
     options = command_line(__doc__)
     options.add_argument("--points", type=int, nargs="+", default=[10_000, 30_000])
+    options.add_argument("--write", action="store_true", help="write the table in docs/scaling.md")
     options.add_argument("--json", type=Path, help="also the figures")
     options.add_argument("--folder", type=Path, help="measure the network in a folder (what a process runs)")
     given = options.parse_args()
@@ -109,6 +137,9 @@ def main() -> None:
         return
     found = [of_size(points) for points in given.points]
     print("\n\n".join(map(told, found)))
+    if given.write:
+        page = written(PAGE.read_text("utf-8"), "results", laws(found), Path(__file__).name)
+        PAGE.write_text(page, "utf-8")
     write_json(given.json, found)
 
 

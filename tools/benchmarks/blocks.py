@@ -34,6 +34,8 @@ from obseq.geometry import exponential
 from obseq.leastsquares import Blocks, LeastSquares, reliability
 from obseq.leastsquares.analysis import Analyses
 from obseq.leastsquares.blocks.partition import ROOM, Tree
+from obseq.leastsquares.sparse import Sparse
+from obseq.leastsquares.statistics.final_state import final_state
 
 if TYPE_CHECKING:
     import argparse
@@ -147,8 +149,20 @@ def alone(kind: str, size: int, way: str, file: Path) -> Figures:
     found += [
         np.concatenate([getattr(one, name).ravel() for one in quality.all]) for name in ("redundancy", "w")
     ]
-    np.savez(file, *found)
+    np.savez(file, *found, _last_places(system, result, quality))
     return figures | {"peak": peak(), "told": told, "iterations": len(result.iterations)}
+
+
+def _last_places(system: LeastSquares, result: Any, quality: Any) -> np.ndarray:
+    """How far each test moves when all unknowns do, by one unit in their last place."""
+    state, batches = final_state(system, result), system.problem.batches
+    unit = np.spacing(np.abs(result.state.values))[state.equations.free.scalars]
+    moved = []
+    for batch in batches:
+        rows = state.cluster_rows(batch)
+        moved.append(Sparse(np.abs(rows.values), rows.columns, rows.starts, len(unit)) @ unit)
+    shares = [np.sqrt(np.maximum(one.redundancy.ravel(), CONTROLLED)) for one in quality.all]
+    return np.concatenate([one / share for one, share in zip(moved, shares, strict=False)])
 
 
 def spent() -> float:
@@ -171,20 +185,21 @@ def run(kind: str, size: int, way: str, file: Path) -> Figures:
 
 
 def apart(first: Path, second: Path) -> str:
-    """The largest differences of unknowns, variances (a share), redundancies and tests."""
+    """Largest differences of unknowns, variances (a share), redundancies, tests; the unit of the last."""
     one, other = np.load(first), np.load(second)
-    values, variances, redundancies, tests = ((one[key], other[key]) for key in one.files)
+    values, variances, redundancies, tests, units = ((one[key], other[key]) for key in one.files)
     free = variances[0] > 0.0
     share = np.abs(variances[1][free] / variances[0][free] - 1.0).max()
     seen = redundancies[0] > CONTROLLED
     tests = tests[0][seen], tests[1][seen]
     sizes = [np.nanmax(np.abs(a - b)) for a, b in (values, redundancies, tests)]
-    return " ".join(f"{size:.0e}" for size in (sizes[0], share, *sizes[1:]))
+    return " ".join(f"{size:.0e}" for size in (sizes[0], share, *sizes[1:], units[0].max()))
 
 
 def measured(kind: str, sizes: Sequence[int], ways: Sequence[str]) -> str:
     """The table of a kind."""
-    head = [kind, "way", "CPU s", "times", "peak MB", "unknowns, variances, redundancies, tests apart"]
+    apart_of = "unknowns, variances, redundancies, tests apart; unit of the tests"
+    head = [kind, "way", "CPU s", "times", "peak MB", apart_of]
     lines = [head, ["---"] * len(head)]
     for size in sizes:
         with tempfile.TemporaryDirectory() as folder:
@@ -276,7 +291,8 @@ def main() -> None:
     kinds = {"survey": sorted(options.points), "flight": sorted(options.images)}
     kinds = {kind: sizes for kind, sizes in kinds.items() if sizes}
     tables = {"blocks": "\n\n".join(measured(kind, sizes, ways) for kind, sizes in kinds.items())}
-    tables["paper"] = on_paper(kinds)
+    if laws_of := {kind: sizes for kind, sizes in kinds.items() if len(sizes) > 1}:
+        tables["paper"] = on_paper(laws_of)
     page = PAGE.read_text("utf-8")
     for name, found in tables.items():
         print(found, flush=True)

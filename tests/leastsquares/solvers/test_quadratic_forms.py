@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from obseq.leastsquares import Blocks
+from obseq.leastsquares.blocks.solver import BlockSolver
 from obseq.leastsquares.solution.cofactors import Cofactors
 from obseq.leastsquares.solvers import cholesky
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
@@ -37,6 +39,19 @@ def test_forms_are_those_of_solves(factored, monkeypatch):
     assert solver.quadratic_forms(*own) == pytest.approx(expected, rel=1e-10, abs=1e-14)
     monkeypatch.setattr(cholesky, "NUMBERS", 7 * pattern.n)  # seven at a time
     assert solver.quadratic_forms(*own) == pytest.approx(expected, rel=1e-10, abs=1e-14)
+
+
+def test_parts_are_met_from_files(factored):
+    pattern, values, rows, dense = factored
+    with Blocks(parts=6) as blocks:
+        solver = BlockSolver(blocks.run)
+        solver.analyse(pattern)
+        solver.factor(values)
+        assert len(solver._partition.parts) > 4
+        expected = np.einsum("kn,nk->k", dense, solver.solve(dense.T))
+        assert solver.quadratic_forms(rows.values, rows.columns, rows.starts) == pytest.approx(
+            expected, rel=1e-10, abs=1e-14
+        )
 
 
 def test_other_solvers_solve_for_them(factored):

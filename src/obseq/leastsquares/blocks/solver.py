@@ -16,13 +16,13 @@ from obseq.leastsquares.blocks.files import (
     write_object,
 )
 from obseq.leastsquares.blocks.partition import Tree, entries_of
-from obseq.leastsquares.solvers.base import BaseSolver
+from obseq.leastsquares.solvers.base import AT_ONCE, BaseSolver
 from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.arrays import FloatArray, IndexArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.leastsquares.blocks.blocks import Run
     from obseq.leastsquares.blocks.partition import Partition
     from obseq.leastsquares.solvers.protocol import SymmetricPattern
@@ -167,6 +167,50 @@ class BlockSolver(BaseSolver):
 
         self._downwards(lambda k: (tasks.invert, self._parts[k], self._keys[k], names[k], below(k)), take)
         return selected
+
+    def quadratic_forms(self, values: FloatArray, columns: IndexArray, starts: IntArray) -> FloatArray:
+        """(k,) b N^-1 b' of sparse rows b: what they meet of the parts is read, and what is above that."""
+        self._complete()
+        place = np.empty(self.pattern.n, np.int64)
+        place[self._partition.unknowns] = np.arange(self.pattern.n)
+        places, result = place[columns], np.zeros(len(starts) - 1)
+        row, part = np.repeat(np.arange(len(result)), np.diff(starts)), self._partition.part_of[places]
+        order = np.argsort(np.append(part, 0)[starts[:-1]], kind="stable")
+        for first in range(0, len(order), AT_ONCE):
+            chosen = order[first : first + AT_ONCE]
+            number = np.full(len(result), -1)
+            number[chosen] = np.arange(len(chosen))
+            own = number[row] >= 0
+            result[chosen] = self._squares(len(chosen), places[own], part[own], number[row[own]], values[own])
+        return result
+
+    def _squares(
+        self, k: int, places: IntArray, part_of: IndexArray, column: IntArray, values: FloatArray
+    ) -> FloatArray:
+        """The same of k rows, from the part, the row and the place in the order of elimination of entries."""
+        parts, met, found = self._partition.parts, set[int](), np.zeros(k)
+        for at in set(part_of.tolist()):
+            while at >= 0 and at not in met:
+                met.add(at)
+                at = self._above[at]
+        which = sorted(met)
+        rests: dict[int, FloatArray] = {}
+
+        def work(task: int) -> tuple[Value, ...]:
+            at, own = which[task], part_of == which[task]
+            right = np.zeros((len(parts[at].own), k))
+            np.add.at(right, (np.searchsorted(parts[at].own, places[own]), column[own]), values[own])
+            below = [(i, rests.pop(child)) for i, child in enumerate(parts[at].children) if child in met]
+            return tasks.square, self._parts[at], self._keys[at], right, below
+
+        def take(task: int, given: tuple[FloatArray, FloatArray]) -> None:
+            rests[which[task]], squares = given
+            found[:] += squares
+
+        number = {at: task for task, at in enumerate(which)}
+        waits = [[number[child] for child in parts[at].children if child in met] for at in which]
+        self._run.do(waits, work, take)
+        return found
 
     def _upwards(self, work: Callable[[int, list[Value]], tuple[Value, ...]]) -> list[Value]:
         """What a task gives of each part, those below first; `work` gets what was found so far."""

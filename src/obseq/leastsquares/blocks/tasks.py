@@ -134,6 +134,14 @@ def reduce(
     return solver.reduce(_gathered(folder, prepared, right, given))
 
 
+def square(
+    folder: Path, part: str, key: str, right: FloatArray, given: list[tuple[int, FloatArray]]
+) -> tuple[FloatArray, FloatArray]:
+    """The same, and (k,) the squares of what is found of its own unknowns: together they are b' N^-1 b."""
+    prepared, solver = _factored(folder, part, key)
+    return solver.reduce_and_square(_gathered(folder, prepared, right, given))
+
+
 def expand(
     folder: Path,
     part: str,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares.solvers.cholesky import AT_ONCE, NUMBERS, SupernodalCholesky
+from obseq.leastsquares.solvers.base import BaseSolver, forms_by_solves
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -63,14 +63,10 @@ class Cofactors:
 
     def quadratic_forms(self, rows: Sparse) -> FloatArray:
         """(k,) b Q b' of the rows b of a sparse matrix (k, n_free)."""
-        if isinstance(self._solver, SupernodalCholesky):
-            return self._solver.quadratic_forms(rows.values, rows.columns, rows.starts)
-        result, each = np.empty(rows.shape[0]), np.arange(rows.shape[0])
-        many = max(1, min(AT_ONCE, NUMBERS // max(self.pattern.n, 1)))
-        for first in range(0, len(each), many):
-            some = rows.some(each[first : first + many]).toarray()
-            result[first : first + many] = np.einsum("kn,nk->k", some, self._solver.solve(some.T))
-        return result
+        solver, entries = self._solver, (rows.values, rows.columns, rows.starts)
+        if isinstance(solver, BaseSolver):
+            return solver.quadratic_forms(*entries)
+        return forms_by_solves(solver.solve, self.pattern.n, *entries)
 
     def between(self, first: ArrayLike, second: ArrayLike) -> FloatArray:
         """(n, m) cofactors between two lists of unknowns (positions among all unknowns), by solves."""

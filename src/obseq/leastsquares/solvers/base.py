@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.arrays import FloatArray, IndexArray, IntArray
     from obseq.leastsquares.solvers.protocol import SolverStatistics, SymmetricPattern
 
 
@@ -143,6 +143,10 @@ class BaseSolver(ABC):
         """The same, all of it in one part."""
         return InverseParts(self.selected_inverse(), np.zeros((self.pattern.n, 0)), np.zeros((0, 0)))
 
+    def quadratic_forms(self, values: FloatArray, columns: IndexArray, starts: IntArray) -> FloatArray:
+        """(k,) b N^-1 b' of sparse rows b: entries (nnz,), their columns, where each row begins (k + 1,)."""
+        return forms_by_solves(self.solve, self.pattern.n, values, columns, starts)
+
     def defect(self) -> Defect:
         """Where pivots vanished in the last factorisation; empty for a regular matrix."""
         if self._found is None:
@@ -200,6 +204,27 @@ class BaseSolver(ABC):
 
     @abstractmethod
     def _selected_inverse(self) -> FloatArray: ...
+
+
+AT_ONCE, NUMBERS = 64, 4_000_000
+"""Sparse right-hand sides that are treated together: as many as share what is in cache, in 32 MB."""
+
+
+def forms_by_solves(
+    solve: Callable[[FloatArray], FloatArray],
+    n: int,
+    values: FloatArray,
+    columns: IndexArray,
+    starts: IntArray,
+) -> FloatArray:
+    """(k,) b Q b' of sparse rows b (k, n), by solving for them."""
+    result, many = np.empty(len(starts) - 1), max(1, min(AT_ONCE, NUMBERS // max(n, 1)))
+    for first in range(0, len(result), many):
+        own = starts[first : first + many + 1]
+        right, chosen = np.zeros((n, len(own) - 1)), slice(own[0], own[-1])
+        np.add.at(right, (columns[chosen], np.repeat(np.arange(len(own) - 1), np.diff(own))), values[chosen])
+        result[first : first + many] = np.einsum("nk,nk->k", right, solve(right))
+    return result
 
 
 def inverse_by_columns(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.errors import InputError, SingularMatrixError, SolverStateError
-from obseq.leastsquares.solvers.base import BaseSolver
+from obseq.leastsquares.solvers.base import AT_ONCE, NUMBERS, BaseSolver
 from obseq.leastsquares.solvers.blas import one_blas_thread, routine_addresses
 from obseq.leastsquares.solvers.inverse import invert_nodes
 from obseq.leastsquares.solvers.numeric import factor_nodes, factor_panel
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     Substitution = Callable[..., None]
 
-AT_ONCE, NUMBERS = 64, 4_000_000
-"""Sparse right-hand sides that are met together: as many as share what is in cache, in 32 MB."""
 WORKING_ROOM = ("_workspace", "_scratch")
 """Arrays that are filled anew at each call."""
 
@@ -226,9 +224,14 @@ class SupernodalCholesky(BaseSolver):
 
     def reduce(self, rhs: ArrayLike) -> FloatArray:
         """Right-hand side (k,) or (k, m) of the system that remains, from that of all unknowns."""
-        right, x = self._permuted(rhs)
+        return self.reduce_and_square(rhs)[0].reshape(-1, *np.shape(rhs)[1:])
+
+    def reduce_and_square(self, rhs: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """The same (k, m), and (m,) b N^-1 b' over the unknowns eliminated."""
+        _, x = self._permuted(rhs)
         self._sweep(substitute_forward, x, self._stop)
-        return x[:, self.pattern.n - len(self._last) :].T[self._last_places].reshape(-1, *right.shape[1:])
+        count = self.pattern.n - len(self._last)
+        return x[:, count:].T[self._last_places], np.square(x[:, :count]).sum(axis=1)
 
     def expand(self, rhs: ArrayLike, last_solution: ArrayLike) -> FloatArray:
         """Solution (n,) or (n, m) for all unknowns, from the right-hand side and the solution for `last`."""
