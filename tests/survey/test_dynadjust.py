@@ -292,20 +292,6 @@ def test_bad_input_is_refused_by_file_and_line(tmp_path, change, message, capsys
     assert message in capsys.readouterr().err
 
 
-def test_a_station_may_be_given_again_where_it_is_free(tmp_path):
-    """DynAdjust strips what is given again; coordinates that are held could contradict each other."""
-    stn, msr = dna(Site())
-    lines = stn.splitlines()
-    again = lines[1].replace("station A", "again A")
-    whole = Network.read_project(written(tmp_path, (stn, msr)))
-    twice = Network.read_project(written(tmp_path, ("\n".join([*lines, again]) + "\n", msr)))
-    np.testing.assert_array_equal(twice.points.coordinates, whole.points.coordinates)
-    assert any("given again: their first coordinates count: A (" in text for text in twice.book.warnings)
-    held = written(tmp_path, ("\n".join([*lines, again.replace("FFF", "CCC")]) + "\n", msr))
-    with pytest.raises(InputError, match=rf"n\.stn:{len(lines) + 1}: station A is given twice \(first at"):
-        Network.read_project(held)
-
-
 def test_a_file_that_ends_in_a_cluster(tmp_path):
     stn, msr = dna(Site())
     lines = msr.splitlines()
