@@ -118,7 +118,8 @@ def _judged(record: AdjustmentRecord) -> tuple[Level, str]:
         if count > 1:
             what = f"{count} observations look wrong. Check them"
         return "bad", f"Not usable yet: {what}, then adjust again."
-    if diagnosis is not None and diagnosis.status in ("undecided", "unexplained"):
+    status = "" if diagnosis is None else diagnosis.status
+    if status == "unexplained" or (status == "undecided" and not record.failures):
         return "bad", UNEXPLAINED
     for level, text in _restricted(record):
         return level, text

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray
     from obseq.records.adjustment import AccusedRecord, AdjustmentRecord, ObservationRecord, PointRecord
     from obseq.records.diagnosis import DiagnosisRecord
+    from obseq.records.quality import JointTestRecord
     from obseq.records.rows import Rows
     from obseq.report.head import Level
 
@@ -81,7 +82,7 @@ def is_known(record: AdjustmentRecord, is_observed: bool = True) -> BoolArray:
 
 def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Findings, ...]:
     """Suspected errors, and what is worth knowing."""
-    accused = tuple(_accused(record, item) for item in record.gross_errors)
+    accused = (*_outside(record), *(_accused(record, item) for item in record.gross_errors))
     others = (
         *searched(record.diagnosis, record.failures),
         *_sigma0(record),
@@ -127,6 +128,11 @@ def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, 
     return Finding("bad", what, name(text), size, where, step, f"obseq causes {item.code}", to)
 
 
+def _where(row: ObservationRecord | JointTestRecord) -> str:
+    """File and line of an observation; nothing where it was in no file."""
+    return f"{name(row.file)}:{row.line}" if row.file else ""
+
+
 def searched(found: DiagnosisRecord | None, failures: Sequence[str]) -> Iterator[Finding]:
     """What could not be judged, what the search for errors says of itself, and effects that are no errors."""
     for text in failures:
@@ -142,6 +148,13 @@ def searched(found: DiagnosisRecord | None, failures: Sequence[str]) -> Iterator
         yield Finding("info", name(item.what), name(f"{text}. No error: it is not beyond a sigma of each."))
 
 
+def _outside(record: AdjustmentRecord) -> Iterator[Finding]:
+    """The system of the points, before what is suspected in it."""
+    if record.outside:
+        step = "give the system that the points are in (--points-crs), adjust again; then look at the others."
+        yield Finding("bad", "Suspected first: the system of the points", name(record.outside), step=step)
+
+
 def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     rows = [place.row for place in item.observations]
     to = Place("observations", row=rows[0]) if rows else None
@@ -151,7 +164,7 @@ def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     if len(rows) != 1:
         return suspected(item, name(item.what), size, "", BOOK, to)
     one = record.observations[rows[0]]
-    found = suspected(item, sight(one), size, f"{name(one.file)}:{one.line}", BOOK, to)
+    found = suspected(item, sight(one), size, _where(one), BOOK, to)
     return structs.replace(found, text=f"{_both_values(item, one)}{found.text}")
 
 
@@ -207,7 +220,7 @@ def _vectors(record: AdjustmentRecord) -> Iterator[Finding]:
         limit = f"limit {item.critical:.2f} with {item.degrees} degrees of freedom"
         share = f"{len(beyond)} of {len(record.joint)} are"
         text = f"As a whole it is off, {limit}; {share}."
-        where = f"{name(item.file)}:{item.line}" if item.file else ""
+        where = _where(item)
         to = Place("observations", row=item.rows[0]) if item.rows else None
         yield Finding("warn", name(item.what), text, f"T {item.statistic:.1f}", where, to=to)
 
@@ -267,7 +280,7 @@ def _beyond(record: AdjustmentRecord) -> Iterator[Finding]:
                 sight(row),
                 text,
                 f"w {row.standardised_residual:.2f}",
-                f"{name(row.file)}:{row.line}",
+                _where(row),
                 to=Place("observations", row=k),
             )
 
@@ -333,7 +346,7 @@ def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _said(record: AdjustmentRecord) -> Iterator[Finding]:
     for text in record.warnings:
-        if text not in record.failures:
+        if text not in (*record.failures, record.outside):
             yield Finding("warn", "Warning", name(text))
     for text in record.notes:
         yield Finding("info", "Note", name(text))

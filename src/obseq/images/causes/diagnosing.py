@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, cast
 
 from msgspec import structs
 
-from obseq.diagnosis.engine import diagnose
+from obseq.cached import cached_property
+from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.policy import POLICY, Policy
 from obseq.diagnosis.verdict import Status
 from obseq.images.adjustment.surveys import follower
@@ -31,6 +32,7 @@ from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from obseq.diagnosis.verdict import Verdict
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.causes.trials import Fit
@@ -69,29 +71,29 @@ def diagnosed(
     if solution.sigma0 is None or options.get("datum") == "none":
         return None
     subject = Subject(block, given, solution)
-    is_astray = not solution.converged or is_mirrored(solution)
+    is_astray, redundancy = not solution.converged or is_mirrored(solution), solution.result.redundancy
+    is_much = is_astray or may_be_shared(squares(solution), redundancy)
+    shared = cache(lambda: Tries(subject, told, options).best() if measures <= MOST_PLACED else [])
     if has_robust_weights(solution):
-        is_bad = is_astray or may_be_shared(squares(solution), solution.result.redundancy)
-        fits = Tries(subject, told, options).best() if is_bad and measures <= MOST_PLACED else []
+        fits = shared() if is_much else []
         return record_of_fits(fits) if fits else _held_down(block, solution, measures)
     if measures > MOST_MEASURES:
         return single_errors(block, solution, measures, QUICK)
-    found = single_errors(block, solution, measures)
+    singles = Singles(block, solution, measures)
+    if is_much and singles.take_patience and shared() and shared()[0].is_accepted:
+        return record_of_fits(shared())  # what is left is noise; more than a few errors cost more
+    found = singles.record()
     if not found.accused and solution.converged and is_good(solution):
         return _of_good(subject, found, told, options)
     is_few = len(found.accused) < MANY
     is_few &= sum(one.code == IMAGE.code for one in found.accused) <= 1  # two may be exchanged
     is_explained = found.status == Status.EXPLAINED and is_few and not is_mirrored(solution)
-    left = found.left if found.accused and is_few else squares(solution)
-    is_much = is_astray or may_be_shared(left, solution.result.redundancy)
-    if not is_explained and is_much and measures <= MOST_PLACED:
-        fits = Tries(subject, told, options).best()
-        if fits and _is_cheaper(fits[0], found):
-            return record_of_fits(fits)
+    is_left = is_astray or may_be_shared(found.left, redundancy) if found.accused and is_few else is_much
+    if not is_explained and is_left and measures <= MOST_PLACED:
+        if shared() and _is_cheaper(shared()[0], found):
+            return record_of_fits(shared())
         if is_mirrored(solution):
-            return DiagnosisRecord(
-                Status.UNEXPLAINED, squares(solution), solution.result.redundancy, reason=MIRRORED
-            )
+            return DiagnosisRecord(Status.UNEXPLAINED, squares(solution), redundancy, reason=MIRRORED)
     fits = Tries(subject, told, options).best([UNIT_OF_CONTROL]) if measures <= MOST_PLACED else []
     return record_of_fits(fits) if fits and _is_cheaper(fits[0], found) else found
 
@@ -121,21 +123,46 @@ def single_errors(
     block: AdjustableBlock, solution: BundleSolution, measures: int, policy: Policy = POLICY
 ) -> DiagnosisRecord:
     """What the engine finds: single observations, images, parameters."""
-    numbering = Numbering(solution.equations, solution.surveys)
-    starts = [partial(find, block) for find in (start_from_measures, start_from_images)]
-    others = starts if measures <= MOST_PLACED else []
-    model = BlockModel(numbering, solution.result, follower(solution.surveys), others)
-    with model.borrowed():
-        verdict = diagnose(model, policy)
-        found = record_of_verdict(verdict, model.catalogue)
-        if model.numbering.n <= POLICY.large or verdict.status in (Status.ACCEPTED, Status.EXPLAINED):
-            return found
-        place = model.robust()
-        if not (images := images_off(model, place)).size:
-            return found
-        model.leave_out(images, place)
-        rest = record_of_verdict(diagnose(model, policy), model.catalogue)
-        return with_images(rest, model, images, squares(solution))
+    return Singles(block, solution, measures, policy).record()
+
+
+class Singles:
+    """The search for single errors of a block, in two steps."""
+
+    def __init__(
+        self, block: AdjustableBlock, solution: BundleSolution, measures: int, policy: Policy = POLICY
+    ) -> None:
+        numbering = Numbering(solution.equations, solution.surveys)
+        starts = [partial(find, block) for find in (start_from_measures, start_from_images)]
+        others = starts if measures <= MOST_PLACED else []
+        self._solution, self._policy = solution, policy
+        self._model = BlockModel(numbering, solution.result, follower(solution.surveys), others)
+        self._search = Search(self._model, policy)
+
+    @cached_property
+    def _at_first(self) -> Verdict | None:
+        with self._model.borrowed():
+            return self._search.at_first()
+
+    @property
+    def take_patience(self) -> bool:
+        """Whether they are more than a few, or nothing explains the block at once."""
+        return self._at_first is None
+
+    def record(self) -> DiagnosisRecord:
+        """What is found, with patience where it is needed."""
+        verdict, model = self._at_first, self._model
+        with model.borrowed():
+            verdict = verdict or self._search.patiently()
+            found = record_of_verdict(verdict, model.catalogue)
+            if model.numbering.n <= POLICY.large or verdict.status in (Status.ACCEPTED, Status.EXPLAINED):
+                return found
+            place = model.robust()
+            if not (images := images_off(model, place)).size:
+                return found
+            model.leave_out(images, place)
+            rest = record_of_verdict(diagnose(model, self._policy), model.catalogue)
+            return with_images(rest, model, images, squares(self._solution))
 
 
 def _of_good(

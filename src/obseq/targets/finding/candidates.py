@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.targets.finding.detection import discs, saddle_strength, saddles, smooth
-from obseq.targets.finding.figures import explained
+from obseq.targets.finding.figures import MOST_PLACES, UNKNOWNS, fit_discs
 from obseq.targets.finding.light_spots import above_mean, spots, stand_out
 
 if TYPE_CHECKING:
@@ -31,9 +31,9 @@ RADII = np.array([2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0])
 """Of the circles on which the directions of crossing lines are taken, pixels, as far as they go on."""
 FARTHEST = 34.0
 """Pixels to the edge of the largest disc of a level; larger ones are found at the next."""
-ROUGHLY = 0.7
-"""Share of the grey variance that a disc explains at least before it is fitted. Those of targets of 20 pixels
-and more, up to a tilt of 70 degrees, explain 0.72 to 1; of what texture holds, a seventh explains as much."""
+LIKELY = 0.8
+"""Share of the grey variance that a disc explains at least, fitted roughly, before its code is looked at.
+Those of targets of 20 pixels and more, up to a tilt of 70 degrees, explain 0.82 to 1 (bench)."""
 MOST = 40000
 """Candidates of a tile at most."""
 
@@ -67,9 +67,9 @@ def _tile_discs(tile: Tile, noise: float, sign: float, gap: float) -> FloatRows:
     shapes = np.empty((len(found), 5))
     discs(tile.image, sign, noise, RADII, FARTHEST, found, shapes)
     found = np.column_stack((found, shapes))[np.isfinite(shapes[:, 0])]
-    share = np.empty(len(found))
-    explained(tile.image, sign, noise, gap, found, share)
-    found = found[share > ROUGHLY]
+    share, rooms = np.empty(len(found)), [(MOST_PLACES, UNKNOWNS), (3, UNKNOWNS), (UNKNOWNS, UNKNOWNS)]
+    fit_discs(tile.image, sign, noise, gap, found, share, *map(np.empty, rooms))
+    found = found[share > LIKELY]
     found[:, :2] += np.array([tile.left, tile.top])
     return found[tile.owns(found[:, 0], found[:, 1])]
 

@@ -8,54 +8,119 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obseq.targets.drawing.drawings import figure_of
+from obseq.targets.codes import counted
+from obseq.targets.drawing.drawings import figure_of, row_box
 from obseq.targets.drawing.rendering import layers
+from obseq.targets.finding.figures import BLUR
 from obseq.targets.finding.fits import Placed
+from obseq.targets.finding.levels import sampled
 from obseq.targets.finding.measuring import FOREIGN, outer_places, region_of
 from obseq.targets.finding.rings import Reading, Unread, code_of
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, FloatRows
+    from obseq.arrays import Array, FloatArray, FloatCubes, FloatRows, IntArray
     from obseq.targets.finding.fits import Fit
     from obseq.targets.finding.levels import Level
     from obseq.targets.specification import Specification
 
 ACROSS = 12
 """Pixels of a unit that are enough to read bits: more are put together."""
+QUARTERS = np.array([0.25, 0.5, 0.75])
+"""Of the sides of a bit: where it is looked at."""
+AMID, RING = 0.55, 24
+"""Share of the disc, and places there, whose mean is the middle between light and dark."""
+WRONG_BITS = "code of the set: bits that differ"
 TINY = 1e-9
 EITHER = 0.5
 """What a bit is before it is read, and its sigma: it has ink, or has none."""
 
 
-def chequered_disc(level: Level, spec: Specification, disc: FloatArray) -> Placed | None:
-    """How the drawing of a set lies in the image where a disc is; None where it would be a mirror image.
+def chequered_discs(
+    level: Level, spec: Specification, discs: FloatRows, sign: float
+) -> tuple[list[Placed], IntArray]:
+    """How the drawing of a set lies in the image where discs are, and the bits that are wrong (n,), roughly.
+
+    Discs of which it would be a mirror image are left out.
 
     Args:
-        level: where the disc was found.
+        level: where the discs were found.
         spec: the set.
-        disc: (10,) as `find_discs` gives it.
+        discs: (n, 10) as `find_discs` gives them.
+        sign: 1, or -1 for light and dark exchanged.
     """
-    shape = np.array([[disc[7], disc[8]], [disc[8], disc[9]]])
-    matrix = _affinity(spec, shape, float(disc[5]), float(disc[5] + disc[6]))
-    if matrix is None:
-        return None
-    return Placed(level.in_image(disc[:2]), level.scale * matrix, np.zeros(2), 1.0, np.zeros(2))
+    matrices = _affinities(spec, discs)
+    matrices, discs = (part[np.linalg.det(matrices) > 0.0] for part in (matrices, discs))
+    places = [
+        Placed(place, level.scale * matrix, np.zeros(2), 1.0, np.zeros(2))
+        for place, matrix in zip(level.in_image(discs[:, :2]), matrices, strict=True)
+    ]
+    return places, _wrong_bits(level.image, spec, discs, matrices, sign)
 
 
-def _affinity(spec: Specification, shape: FloatRows, dark: float, light: float) -> FloatRows | None:
-    """The map of the drawing whose quadrants and disc are these.
+def _affinities(spec: Specification, discs: FloatRows) -> FloatCubes:
+    """(n, 2, 2) the maps of the drawing whose quadrants and discs are these.
 
     In the drawing, light turns dark a quarter of a turn after the angle of the chequers, and dark light half
     a turn after it.
     """
-    seen = np.empty((2, 2))
-    for k, angle in enumerate((dark, light)):
-        way = np.array([math.cos(angle), math.sin(angle)])
-        seen[:, k] = way / math.sqrt(float(way @ shape @ way))
+    turns = discs[:, 5:6] + discs[:, 6:7] * [0.0, 1.0]
+    x, y = np.cos(turns), np.sin(turns)
+    lengths = 1.0 / np.sqrt(discs[:, 7:8] * x * x + 2.0 * discs[:, 8:9] * x * y + discs[:, 9:10] * y * y)
     angles = spec.geometry.angle + np.array([0.5, 1.0]) * math.pi
     drawn = np.stack([np.cos(angles), np.sin(angles)])
-    matrix: FloatRows = seen @ np.linalg.inv(drawn)
-    return matrix if np.linalg.det(matrix) > 0.0 else None
+    found: FloatCubes = np.stack((x * lengths, y * lengths), axis=1) @ np.linalg.inv(drawn)
+    return found
+
+
+def _wrong_bits(
+    image: Array, spec: Specification, discs: FloatRows, matrices: FloatCubes, sign: float
+) -> IntArray:
+    """(n,) in how many bits the grey levels differ from those of the nearest target.
+
+    What is darker than half of what ink is there has ink: as dark as in the disc, where the bit is wider than
+    the point spread.
+    """
+
+    def means(places: FloatRows) -> FloatArray:
+        """(n,) mean grey levels at some places of the drawing."""
+        pixels = discs[:, None, :2] + np.einsum("nij,kj->nki", matrices, places)
+        found: FloatArray = sign * sampled(image, pixels[..., 0], pixels[..., 1]).mean(axis=1)
+        return found
+
+    places = _bit_places(spec)
+    turns = 2.0 * math.pi * (np.arange(RING) + 0.5) / RING
+    middle = means(AMID * np.column_stack((np.cos(turns), np.sin(turns))))
+    width = 2.0 * np.linalg.norm(places[:, 2] - places[:, 0], axis=1).min()
+    widths = width * np.sqrt(np.linalg.det(matrices)) / (2.0 * math.sqrt(2.0) * BLUR)
+    pale = 1.0 - np.array([math.erf(one) for one in widths.tolist()])
+    middle += 0.5 * pale * (discs[:, 4] - discs[:, 3])
+    known = np.array(list(spec.turns), dtype=np.int64)
+    found = np.full(len(discs), spec.bits)
+    for way in (1.0,) if spec.frequency % 2 == 0 else (1.0, -1.0):
+        inked = np.array([means(way * there) < middle for there in places])
+        codes = (1 << np.arange(spec.bits)) @ (inked == spec.geometry.zero_is_sheet)
+        found = np.minimum(found, counted(codes[:, None] ^ known).min(axis=1))
+    return found
+
+
+def _bit_places(spec: Specification) -> FloatCubes:
+    """(bits, 9, 2) places well inside of each bit, units."""
+    bits = np.arange(spec.bits)
+    if spec.geometry.in_rows:
+        left, top, right, bottom = np.array([row_box(spec, bit) for bit in bits.tolist()]).T[:, :, None]
+        x, y = left + (right - left) * QUARTERS, top + (bottom - top) * QUARTERS
+        return np.stack(np.broadcast_arrays(x[:, :, None], y[:, None, :]), axis=-1).reshape(spec.bits, -1, 2)
+    begin, end, _, _ = spec.geometry.radii
+    sense = 1.0 if spec.geometry.grows else -1.0
+    turns = spec.geometry.angle + sense * 2.0 * math.pi / spec.bits * (bits[:, None] + QUARTERS)
+    radii = begin + (end - begin) * QUARTERS
+    x, y = (np.multiply.outer(part, radii) for part in (np.cos(turns), np.sin(turns)))
+    return np.stack((x, y), axis=-1).reshape(spec.bits, -1, 2)
+
+
+def mended(spec: Specification) -> int:
+    """Wrong bits of a code that are mended at most: no other code is as near then."""
+    return min(1, (spec.class_distance - 1) // 2)
 
 
 def read_bits(image: Array, spec: Specification, fit: Fit) -> list[Reading] | Unread:
@@ -77,12 +142,11 @@ def read_bits(image: Array, spec: Specification, fit: Fit) -> list[Reading] | Un
             return Unread("inside the image", 0.0, 1.0)
         margins = 2.0 * (ink.bits - EITHER)
         code = code_of(margins > 0.0, spec)
-        mended = min(1, (spec.class_distance - 1) // 2)
         nearest = min(spec.turns, key=lambda known: (known ^ code).bit_count())
         corrected = (nearest ^ code).bit_count()
-        if corrected <= mended:
+        if corrected <= mended(spec):
             found += _turned(spec, placed, nearest, margins, corrected)
-    return found or Unread("code of the set: bits that differ", corrected, mended)
+    return found or Unread(WRONG_BITS, corrected, mended(spec))
 
 
 class Ink(NamedTuple):

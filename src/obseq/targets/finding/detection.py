@@ -18,6 +18,9 @@ BESIDE, BESIDE_SHARE = 1.0, 0.06
 """Pixels from a line to where both sides are looked at, and what is added on the way for its direction."""
 NARROWEST = 0.25
 """Radians of the narrowest quadrant: a tilt of 80 degrees."""
+UNLIKE = 0.05
+"""Mean squared difference of places half a turn apart, in contrasts squared: noise makes 0.03 of it where the
+contrast is the least that is looked at."""
 INSIDE = 0.8
 """Share of a disc within which circles see its lines only."""
 BEYOND = 0.35
@@ -183,7 +186,7 @@ def _alternates(
         if (value > middle) != last:
             changes += 1
             last = not last
-    if changes != 4 or unlike > 0.16 * RING * (high - low) * (high - low):
+    if changes != 4 or unlike > UNLIKE * RING * (high - low) * (high - low):
         return False
     out[n, 0], out[n, 1], out[n, 3], out[n, 4] = x, y, low, high
     return True

@@ -1,4 +1,4 @@
-"""The compiled loop that says how much of an image a chequered disc explains, before it is fitted."""
+"""The compiled loop that fits chequered discs roughly, and says how much of an image they explain."""
 
 from __future__ import annotations
 
@@ -6,28 +6,48 @@ import math
 from typing import TYPE_CHECKING
 
 from obseq.compilation import compiled
+from obseq.leastsquares.loops.temporaries import backward, factor_group, forward
 from obseq.targets.finding.detection import between
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, FloatRows
 
-RADII = (0.25, 0.4, 0.55, 0.7, 0.85)
+RADII = (0.25, 0.4, 0.55, 0.7, 0.85, 1.0)
 """Circles in a disc on which it is looked at, in its radii."""
-PLACES = 32
+PLACES = 16
 """On each of them."""
+MOST_PLACES = (len(RADII) + 1) * PLACES
 NARROWEST = 0.04
 """Width of sheet around a disc, in its radii, from which this is looked at too."""
-BLUR = 1.0
-"""Sigma of the point spread, pixels, as far as it is known then: images have 0.6 to 1.2."""
+BLUR, SHARPEST, DULLEST = 1.0, 0.4, 4.0
+"""Sigma of the point spread, pixels: at first (images have 0.6 to 1.2), the least, and the most."""
 INTERPOLATED = 4.0 / 9.0
 """Mean variance of a place between pixels, over that of a pixel."""
+HALF = 0.5
+"""Share from which on a disc is fitted at all: whatever explains less is nearer to nothing."""
+STEPS = 3
+"""Of the fit at most: from the ends of its lines, a disc that is tilted by 70 degrees needs three."""
+LONGEST = 0.3
+"""Share of the disc by which a step changes it at most: by more, its quadrants are others."""
+UNKNOWNS = 9
+"""x, y, the half axes at which light turns dark and dark turns light, point spread; gain, offset."""
+DAMPING = 1e-3
+"""Of the normal matrix: a share of variances that nobody will miss."""
 
 
 @compiled
-def explained(
-    image: FloatRows, sign: float, noise: float, gap: float, found: FloatRows, share: FloatArray
+def fit_discs(
+    image: FloatRows,
+    sign: float,
+    noise: float,
+    gap: float,
+    found: FloatRows,
+    share: FloatArray,
+    work: FloatRows,
+    discs: FloatRows,
+    normal: FloatRows,
 ) -> None:
-    """The share of the grey variance, but for noise, that chequered discs explain with the sheet around.
+    """Fits chequered discs with the sheet around them, where they explain half of it or more.
 
     In the discs light and dark quadrants alternate, blurred; in the middle of the gap to the code the sheet
     is light all around, which chance seldom makes.
@@ -38,46 +58,156 @@ def explained(
         noise: standard deviation of a pixel.
         gap: width of the sheet between a disc and its code, in radii of the disc.
         found: (n, 10): x, y, strength, dark and light level, where light turns dark, by how much further dark
-            turns light, and the ellipse q11, q12, q22.
-        share: (n,) written.
+            turns light, and the ellipse q11, q12, q22; the place and the shape are written anew.
+        share: (n,) written: of the grey variance, but for noise, that a disc explains.
+        work: (`MOST_PLACES`, 9) overwritten.
+        discs: (3, `UNKNOWNS`) overwritten: the best, a trial, and the step between.
+        normal: (`UNKNOWNS`, `UNKNOWNS`) overwritten.
     """
+    best, trial, step = discs[0], discs[1], discs[2]
     circles = len(RADII) + (1 if gap > NARROWEST else 0)
     count = circles * PLACES
-    scale = 1.0 / (math.sqrt(2.0) * BLUR)
     for n in range(len(found)):
-        x, y, begin, end = found[n, 0], found[n, 1], found[n, 5], found[n, 5] + found[n, 6]
-        a, b, c = found[n, 7], found[n, 8], found[n, 9]
-        p, q = math.cos(begin), math.sin(begin)
-        length = 1.0 / math.sqrt(a * p * p + 2.0 * b * p * q + c * q * q)
-        p, q = p * length, q * length
-        u, v = math.cos(end), math.sin(end)
-        length = 1.0 / math.sqrt(a * u * u + 2.0 * b * u * v + c * v * v)
-        u, v = u * length, v * length
-        area = abs(p * v - q * u)
-        far_of_first, far_of_second = area / math.hypot(u, v), area / math.hypot(p, q)
-        s = ss = e = ee = se = 0.0
+        _begin(found[n], best)
         for circle in range(circles):
             radius = RADII[circle] if circle < len(RADII) else 1.0 + 0.5 * gap
             for k in range(PLACES):
-                turn = 2.0 * math.pi * k / PLACES
-                first, second = math.cos(turn), math.sin(turn)
-                # the way from the edge, along its normal: (1 - radius) over the length of the gradient
-                slope = math.hypot(first * v - second * q, second * p - first * u) / area
-                inside = 0.5 * (1.0 + math.erf(scale * (1.0 - radius) / slope))
-                quadrants = math.erf(scale * radius * first * far_of_first)
-                quadrants *= math.erf(scale * radius * second * far_of_second)
-                drawn = 1.0 - inside - inside * quadrants
-                value = sign * between(
-                    image, x + radius * (first * p + second * u), y + radius * (first * q + second * v)
-                )
-                s += value
-                ss += value * value
-                e += drawn
-                ee += drawn * drawn
-                se += value * drawn
-        whole = ss - s * s / count
-        common, own = se - s * e / count, ee - e * e / count
-        share[n] = 0.0
-        if common > 0.0 and own > 0.0 and whole > 0.0:
-            left = whole - common * common / own - INTERPOLATED * noise * noise * count
-            share[n] = 1.0 - max(left, 0.0) / whole
+                turn, row = 2.0 * math.pi * k / PLACES, circle * PLACES + k
+                first, second = radius * math.cos(turn), radius * math.sin(turn)
+                work[row, 0] = best[0] + first * best[2] + second * best[4]
+                work[row, 1] = best[1] + first * best[3] + second * best[5]
+                work[row, 2] = sign * between(image, work[row, 0], work[row, 1])
+        share[n] = _explained(work, count, best, noise)
+        if share[n] < HALF:
+            continue
+        for _ in range(STEPS):
+            if not _has_step(work, count, best, normal, step):
+                break
+            _move(best, step, trial)
+            here = _explained(work, count, trial, noise)
+            if not here > share[n]:
+                break
+            share[n] = here
+            for k in range(UNKNOWNS):
+                best[k] = trial[k]
+        _end(best, found[n])
+
+
+@compiled
+def _begin(row: FloatArray, disc: FloatArray) -> None:
+    """The half axes of a disc from the angles of its lines and its ellipse."""
+    for k in range(2):
+        turn = row[5] + k * row[6]
+        c, s = math.cos(turn), math.sin(turn)
+        length = 1.0 / math.sqrt(row[7] * c * c + 2.0 * row[8] * c * s + row[9] * s * s)
+        disc[k], disc[2 + 2 * k], disc[3 + 2 * k] = row[k], c * length, s * length
+    disc[6] = BLUR
+
+
+@compiled
+def _end(disc: FloatArray, row: FloatArray) -> None:
+    """The angles of the lines and the ellipse of a disc from its half axes."""
+    p, q, u, v = disc[2], disc[3], disc[4], disc[5]
+    whole = (p * v - q * u) ** 2
+    span = (math.atan2(v, u) - math.atan2(q, p)) / math.pi
+    row[0], row[1], row[5], row[6] = disc[0], disc[1], math.atan2(q, p), math.pi * (span - math.floor(span))
+    row[7], row[8], row[9] = (q * q + v * v) / whole, -(p * q + u * v) / whole, (p * p + u * u) / whole
+
+
+@compiled
+def _explained(work: FloatRows, count: int, disc: FloatArray, noise: float) -> float:
+    """The share of the grey variance that a disc explains; gain and offset are written to it.
+
+    Args:
+        work: (count, 9): x, y, grey level; written: what is drawn there, its slopes along the first and the
+            second half axis and with the point spread, and the place in half axes.
+        count: of places.
+        disc: (9,) unknowns.
+        noise: standard deviation of a pixel.
+    """
+    p, q, u, v = disc[2], disc[3], disc[4], disc[5]
+    whole = p * v - q * u
+    area, scale = abs(whole), 1.0 / (math.sqrt(2.0) * disc[6])
+    of_first, of_second = scale * area / math.hypot(u, v), scale * area / math.hypot(p, q)
+    peak = 2.0 / math.sqrt(math.pi)
+    s = ss = e = ee = se = 0.0
+    for row in range(count):
+        x, y, value = work[row, 0] - disc[0], work[row, 1] - disc[1], work[row, 2]
+        first, second = (x * v - y * u) / whole, (y * p - x * q) / whole
+        # the way from the edge, along its normal: (1 - radius) over the length of the gradient
+        radius = math.hypot(first, second)
+        steep = scale * area * radius / math.hypot(first * v - second * q, second * p - first * u)
+        away = steep * (1.0 - radius)
+        inside, edge = 0.5 * (1.0 + math.erf(away)), -0.5 * peak * steep * math.exp(-away * away) / radius
+        a, b = of_first * first, of_second * second
+        one, other = math.erf(a), math.erf(b)
+        one_slope, other_slope = peak * math.exp(-a * a), peak * math.exp(-b * b)
+        drawn, ink = 1.0 - inside - inside * one * other, 1.0 + one * other
+        work[row, 3] = drawn
+        work[row, 4] = -ink * edge * first - inside * one_slope * of_first * other
+        work[row, 5] = -ink * edge * second - inside * one * other_slope * of_second
+        spread = 0.5 * ink * peak * math.exp(-away * away) * away
+        work[row, 6] = (spread + inside * (one_slope * a * other + one * other_slope * b)) / disc[6]
+        work[row, 7], work[row, 8] = first, second
+        s += value
+        ss += value * value
+        e += drawn
+        ee += drawn * drawn
+        se += value * drawn
+    whole, common, own = ss - s * s / count, se - s * e / count, ee - e * e / count
+    if not (common > 0.0 and own > 0.0 and whole > 0.0):
+        return 0.0
+    disc[7] = common / own
+    disc[8] = (s - disc[7] * e) / count
+    left = whole - common * disc[7] - INTERPOLATED * noise * noise * count
+    found: float = 1.0 - max(left, 0.0) / whole
+    return found
+
+
+@compiled
+def _has_step(work: FloatRows, count: int, disc: FloatArray, normal: FloatRows, step: FloatArray) -> bool:
+    """Whether there is a step of least squares from a disc, as `_explained` left it; it is written."""
+    p, q, u, v = disc[2], disc[3], disc[4], disc[5]
+    whole = p * v - q * u
+    for i in range(UNKNOWNS):
+        step[i] = 0.0
+        for j in range(i + 1):
+            normal[i, j] = 0.0
+    for row in range(count):
+        first, second = work[row, 7], work[row, 8]
+        x = disc[7] * (work[row, 5] * q - work[row, 4] * v) / whole
+        y = disc[7] * (work[row, 4] * u - work[row, 5] * p) / whole
+        slopes = (
+            x,
+            y,
+            first * x,
+            first * y,
+            second * x,
+            second * y,
+            disc[7] * work[row, 6],
+            work[row, 3],
+            1.0,
+        )
+        residual = work[row, 2] - disc[8] - disc[7] * work[row, 3]
+        for i in range(UNKNOWNS):
+            step[i] += slopes[i] * residual
+            for j in range(i + 1):
+                normal[i, j] += slopes[i] * slopes[j]
+    if factor_group(normal, UNKNOWNS, DAMPING) >= 0:
+        return False
+    forward(normal, UNKNOWNS, step)
+    backward(normal, UNKNOWNS, step)
+    return True
+
+
+@compiled
+def _move(disc: FloatArray, step: FloatArray, out: FloatArray) -> None:
+    """A disc after a step, or as much of it as may be."""
+    size = math.sqrt(abs(disc[2] * disc[5] - disc[3] * disc[4]))
+    most = 0.0
+    for k in range(6):
+        most = max(most, abs(step[k]))
+    share = min(1.0, LONGEST * size / most) if most > 0.0 else 1.0
+    for k in range(UNKNOWNS):
+        out[k] = disc[k] + share * step[k]
+    out[6] = min(max(out[6], SHARPEST), DULLEST)

@@ -11,7 +11,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.targets.drawing.drawings import bits_drawn
 from obseq.targets.finding.candidates import find_discs, find_spots
-from obseq.targets.finding.chequers import EITHER, bit_ink, chequered_disc, read_bits
+from obseq.targets.finding.chequers import EITHER, WRONG_BITS, bit_ink, chequered_discs, mended, read_bits
 from obseq.targets.finding.covering import Covering, covered_by
 from obseq.targets.finding.distortion import with_one_distortion
 from obseq.targets.finding.levels import levels_of
@@ -190,7 +190,8 @@ class _Search:
     def rings(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
         """Looks for ring targets."""
         candidates = find_spots(level, sign)
-        for spot in self._free(level, candidates):
+        for k in self._free(level.in_image(candidates[:, :2])):
+            spot = candidates[k]
             ellipse = spot_ellipse(self.image, level, spot, sign)
             if ellipse is None:
                 continue
@@ -210,16 +211,16 @@ class _Search:
 
     def chequers(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
         """Looks for chequered targets."""
-        gap = min(one.spec.geometry.inside for one in sets)
-        for disc in self._free(level, find_discs(level, sign, gap)):
-            for one in sets:
-                if self._chequered(level, one, disc):
-                    break
+        found = find_discs(level, sign, min(one.spec.geometry.inside for one in sets))
+        for one in sets:
+            places, wrong = chequered_discs(level, one.spec, found, sign)
+            for k in self._free(np.array([disc.centre for disc in places]).reshape(-1, 2)):
+                if wrong[k] > mended(one.spec):
+                    self._refuse(places[k], Unread(WRONG_BITS, wrong[k], mended(one.spec)))
+                else:
+                    self._chequered(one, places[k])
 
-    def _chequered(self, level: Level, one: _Set, found: FloatArray) -> bool:
-        disc = chequered_disc(level, one.spec, found)
-        if disc is None:
-            return False
+    def _chequered(self, one: _Set, disc: Placed) -> bool:
         fit = fit_drawing(self.image, one.drawings, -1, disc, focal=self.focal, whole=False, most_steps=6)
         if fit is None or fit.gain * one.sign > 0.0:
             return False
@@ -278,14 +279,12 @@ class _Search:
         self.plain.append(_target(one, reading, fit, 0.0))
         self._taken.add(fit.placed, SPOT)
 
-    def _free(self, level: Level, candidates: FloatRows) -> Iterator[FloatArray]:
-        """Candidates that no target covers."""
-        places = level.in_image(candidates[:, :2])
-        away = ~self._taken.covers(places)
+    def _free(self, places: FloatRows) -> Iterator[int]:
+        """Numbers of the places (n, 2), pixels, that no target covers when it is their turn."""
         known = len(self._taken)
-        for candidate, place in zip(candidates[away], places[away], strict=True):
-            if not self._taken.covers(place[None], known)[0]:
-                yield candidate
+        for k in np.flatnonzero(~self._taken.covers(places)).tolist():
+            if not self._taken.covers(places[k : k + 1], known)[0]:
+                yield k
 
     def _is_taken(self, place: FloatArray) -> bool:
         return bool(self._taken.covers(place[None])[0])
