@@ -125,8 +125,24 @@ def test_national_coordinates_with_orientations_near_zero(kernels, strategy, zer
         system.add(kernels["Reading"], {"station": p[i], "target": p[j], "zero": z[i]}, readings, sigma_r)
         system.add(kernels["Distance"], {"a": p[i], "b": p[j]}, lengths, sigma_d)
         result = system.solve(tolerance=tolerance, strategy=strategy)
-        assert result.stop_reason is StopReason.ROUNDING
+        assert result.converged and (tolerance or result.stop_reason is StopReason.ROUNDING)
         assert len(result.iterations) <= 5
+
+
+@pytest.mark.parametrize("strategy", ["gauss-newton", "levenberg-marquardt"])
+def test_the_end_is_as_near_as_the_tolerance_says_though_the_last_step_was_longer(strategy):
+    is_longer = []
+    for tolerance in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
+        system, p, _ = trilateration(1.0, 1.0, 3.0)
+        result = system.solve(tolerance=tolerance, strategy=strategy)
+        end, limit = system.values([p])[0].copy(), tolerance * result.sigma0
+        is_longer.append(result.iterations[-1].length > limit)
+        system.solve(tolerance=0.0, strategy=strategy)
+        equations = system.equations()
+        normal = equations.pattern.dense(equations.assemble().values)
+        gap = end - system.values([p])[0]
+        assert np.sqrt(gap @ normal @ gap) <= 1.5 * limit + 1e-12, tolerance
+    assert any(is_longer) or strategy != "gauss-newton"  # the other bends its steps here
 
 
 @pytest.mark.parametrize("strategy", ALL)

@@ -174,22 +174,24 @@ BENCHES = (
 
 
 def show(rows: Iterable[Row], before: dict[str, float]) -> None:
-    """Prints the table."""
-    print(f"{'':52}{'rival':48}{'times as fast':>14}{'wanted':>8}" + (f"{'before':>9}" if before else ""))
+    """Prints rows of the table."""
     for row in rows:
         wanted = f"{row.wanted:8.2f}" if row.wanted else " " * 8
         mark = " " if row.wanted is None or row.times_as_fast >= row.wanted else "*"
         former = f"{before[row.what]:9.2f}" if row.what in before else ""
-        print(f"{row.what:52}{row.rival:48}{row.times_as_fast:13.2f}{mark}{wanted}{former}")
+        print(f"{row.what:52}{row.rival:48}{row.times_as_fast:13.2f}{mark}{wanted}{former}", flush=True)
 
 
-def rows_of(benches: Iterable[Bench], quick: bool, installed: str) -> list[Row]:
-    """What the benches find, each run in a folder of its own."""
+def rows_of(benches: Iterable[Bench], quick: bool, installed: str, before: dict[str, float]) -> list[Row]:
+    """What the benches find, each run in a folder of its own, and printed as it ends."""
+    print(f"{'':52}{'rival':48}{'times as fast':>14}{'wanted':>8}" + (f"{'before':>9}" if before else ""))
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
         for number, bench in enumerate(benches):
             (place := Path(folder) / str(number)).mkdir()
-            rows += bench.run(quick, place, installed)
+            found = bench.run(quick, place, installed)
+            show(found, before)
+            rows += found
     return rows
 
 
@@ -215,8 +217,7 @@ def main() -> int:
     former = json.loads(arguments.baseline.read_text("utf-8"))["rows"] if arguments.baseline else []
     before = {row["what"]: row["times_as_fast"] for row in former}
     chosen = [b for b in BENCHES if not arguments.only or any(word in b.file for word in arguments.only)]
-    rows = rows_of(chosen, arguments.quick, arguments.python)
-    show(rows, before)
+    rows = rows_of(chosen, arguments.quick, arguments.python, before)
     if arguments.json:
         content = {"format": "obseq-benches", "version": 1, "rows": [asdict(row) for row in rows]}
         arguments.json.write_text(json.dumps(content, indent=1) + "\n", "utf-8")

@@ -86,6 +86,7 @@ class Arrival:
         self._tolerance = tolerance
         self._first_cost: float | None = None
         self._previous = np.inf
+        self._in_a_row: tuple[float, ...] = ()
         self._rough = np.inf
 
     def unit(self, cost: float, redundancy: int) -> float:
@@ -108,9 +109,10 @@ class Arrival:
         unit = self.unit(cost, redundancy)
         shrinks = length <= CONTRACTION * self._previous
         self._previous = length
+        self._in_a_row = (*self._in_a_row[-2:], length)
         if self._tolerance < 0.0:
             return None
-        if length <= self._tolerance * unit:
+        if min(length, self._to_come()) <= self._tolerance * unit:
             return StopReason.STEP
         resolved = resolution(self._equations.table, weights)
         if length <= resolved and self._may_be_rounding(step, length, unit):
@@ -118,6 +120,23 @@ class Arrival:
         if not shrinks and self.is_rounding(step, length, cost, redundancy, weights):
             return StopReason.ROUNDING
         return None
+
+    def interrupt(self) -> None:
+        """The last step was not taken as it was: what comes next does not follow from it."""
+        self._in_a_row = ()
+
+    def _to_come(self) -> float:
+        """How long all steps after this one are together, at most; infinite where that is not known.
+
+        Near a minimum Gauss-Newton steps shrink by rates that grow towards the largest eigenvalue q of the
+        curvature that linearisations do not know. The larger of the last two stands for it. Hard constraints
+        are not in the length of a step: they are met by the steps themselves.
+        """
+        if len(self._in_a_row) < 3 or not all(self._in_a_row) or self._equations.constraints:
+            return np.inf
+        first, second, last = self._in_a_row
+        rate = max(second / first, last / second)
+        return last * rate / (1.0 - rate) if rate < 1.0 else np.inf
 
     def is_rounding(
         self, step: FloatArray, length: float, cost: float, redundancy: int, weights: FloatArray

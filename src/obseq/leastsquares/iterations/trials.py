@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -39,6 +39,34 @@ class Trial:
     is_full: bool
     linearisation: Linearisation
     share: float = 1.0
+
+
+class Path(Protocol):
+    """What differs between the methods: the step of a size.
+
+    Attributes:
+        radius: what the first step may have.
+        first_radius: what a first step may have that is not nearly as good as promised; infinite for any.
+        is_bold: whether full steps stay allowed as long as they descend, and no excursion is made.
+        defect: number of parameters that the observations leave free.
+    """
+
+    radius: float
+    first_radius: float
+    is_bold: bool
+    defect: int
+
+    def linearise(self, in_passing: bool = False) -> None:
+        """Assembles at the current values; `in_passing`, the metric of the radius learns nothing of them."""
+
+    def within(self, radius: float) -> Trial:
+        """The step of the last linearisation whose norm is at most (about) the radius."""
+
+    def settle(self) -> None:
+        """Counts the defect where the iterations have arrived."""
+
+    def full(self) -> Trial:
+        """The Gauss-Newton step of the last linearisation, or what comes closest where there is none."""
 
 
 def scaled(trial: Trial, share: float) -> Trial:

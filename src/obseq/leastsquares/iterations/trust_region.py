@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from obseq.leastsquares.iterations.arrival import (
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
-from obseq.leastsquares.iterations.trials import Trial, gain_of, scaled, share_of
+from obseq.leastsquares.iterations.trials import gain_of, scaled, share_of
 from obseq.leastsquares.iterations.violation import Violation
 from obseq.leastsquares.solution.result import StopReason
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.leastsquares.assembly.normal_equations import NormalEquations
     from obseq.leastsquares.iterations.arrival import Options
+    from obseq.leastsquares.iterations.trials import Path, Trial
     from obseq.leastsquares.solution.result import Iteration
 
 LEAST_GAIN = 1e-4
@@ -70,34 +71,6 @@ AHEAD = 8.0
 
 FIRST_EXCURSION = 8
 """Restrained steps one after the other that prompt an excursion; twice as many after one in vain."""
-
-
-class Path(Protocol):
-    """What differs between the methods: the step of a size.
-
-    Attributes:
-        radius: what the first step may have.
-        first_radius: what a first step may have that is not nearly as good as promised; infinite for any.
-        is_bold: whether full steps stay allowed as long as they descend, and no excursion is made.
-        defect: number of parameters that the observations leave free.
-    """
-
-    radius: float
-    first_radius: float
-    is_bold: bool
-    defect: int
-
-    def linearise(self, in_passing: bool = False) -> None:
-        """Assembles at the current values; `in_passing`, the metric of the radius learns nothing of them."""
-
-    def within(self, radius: float) -> Trial:
-        """The step of the last linearisation whose norm is at most (about) the radius."""
-
-    def settle(self) -> None:
-        """Counts the defect where the iterations have arrived."""
-
-    def full(self) -> Trial:
-        """The Gauss-Newton step of the last linearisation, or what comes closest where there is none."""
 
 
 def iterate_in_region(
@@ -186,7 +159,10 @@ class _Search:
                 self._trail = Trail()
                 return trial, None
             trial = self._path.within(self._radius)
-        return self._accepted(self._stretched(trial))
+        taken, reason = self._accepted(self._stretched(trial))
+        if taken is not trial or not trial.is_full:
+            self._arrival.interrupt()
+        return taken, reason
 
     def _linearise(self, in_passing: bool = False) -> None:
         self.known += 1
@@ -349,6 +325,7 @@ class _Search:
         self._restrained = 0
         start = self._equations.table.state()
         way = self._way_below(trial, enough, known)
+        self._arrival.interrupt()
         if way is not None:
             self._radius, self._prompt = max(self._radius, way), FIRST_EXCURSION
             return True
@@ -362,6 +339,7 @@ class _Search:
 
         The unknowns have moved to a cost well below, or are where they were, linearised anew.
         """
+        self._arrival.interrupt()
         table, way = self._equations.table, self._trail.taken()
         start, enough = table.state(), cost - AHEAD * self._decrease
         table.move(way)

@@ -37,7 +37,7 @@ SHOWN = 5
 class StopReason(Enum):
     """Why the iterations ended."""
 
-    STEP = "the last step is below the tolerance, in standard deviations of the unknowns"
+    STEP = "what steps would still change is below the tolerance, in standard deviations of the unknowns"
     ROUNDING = "the last step is at the level of rounding"
     NO_DECREASE = "no step decreases the cost any more, and the last one is not negligible"
     DIVERGED = "the steps and the sum of squares grow: the iterations diverge"
