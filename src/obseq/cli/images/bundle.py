@@ -220,7 +220,7 @@ def _reported(
         files = boundary.texts(telling(_writers(outputs, solution, record, read), watch.progress))
         files |= _written(arguments, solution, boundary)
         record = structs.replace(record, failures=(*record.failures, *boundary.failures))
-        with shown_anyway(partial(_show, record, [], detail_of(arguments), watch)):
+        with shown_anyway(partial(_show, record, [], detail_of(arguments, "block"), watch)):
             write_all(files)
     return record, [path for path in outputs.values() if path in files]
 

@@ -181,7 +181,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.estimate or (),
             arguments.units,
             arguments.without_accused,
-            detail_of(arguments),
+            detail_of(arguments, "adjustment"),
         )
     )
 
