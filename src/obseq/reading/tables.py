@@ -33,8 +33,12 @@ _TOLD = re.compile(r"sep=(.)", re.IGNORECASE)
 LOGGER = logging.getLogger(__name__)
 
 
-def text_of(path: str | Path) -> str:
+def text_of(path: str | Path, other: str = "") -> str:
     """The text of a file in UTF-8, a byte-order mark left out.
+
+    Args:
+        path: the file.
+        other: encoding of a file that is not in UTF-8; none by default.
 
     Raises:
         InputError: the file cannot be read, is too large, or is not text; it is named.
@@ -43,7 +47,9 @@ def text_of(path: str | Path) -> str:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text in UTF-8 (byte {error.start}); convert it") from None
+        if not other:
+            raise InputError(f"{path}: not a text in UTF-8 (byte {error.start}); convert it") from None
+        text = data.decode(other, "replace")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
