@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 R = TypeVar("R")
 LONGEST_QUOTE = 60
+EXTREME = 1e12
+"""Largest sigma; the smallest is its inverse: products of weights stay in the range of numbers."""
 
 
 @dataclass(frozen=True)
@@ -149,3 +151,16 @@ WORDS = Expected(
 ARRAY = Expected("an array of real numbers", _is_numeric_array)
 FUNCTION = Expected("a function", callable)
 TABLE = Expected("a mapping", lambda value: isinstance(value, Mapping))
+
+
+def weights_factor(factor: float | None, sigma: float | None) -> float:
+    """What multiplies sigmas: a factor, or 1 where a sigma takes their place.
+
+    Raises:
+        InputError: Both are given or none, or it is beyond `EXTREME`.
+    """
+    if (factor is None) == (sigma is None):
+        raise InputError("weights: give either a factor of the sigmas or a sigma")
+    if not 1.0 / EXTREME <= (factor or sigma or 0.0) <= EXTREME:
+        raise InputError(f"weights: a sigma, or what multiplies it, must be positive, at most {EXTREME:g}")
+    return 1.0 if factor is None else factor

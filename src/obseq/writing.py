@@ -47,6 +47,19 @@ def check_writable(outputs: Iterable[Path], inputs: Iterable[Path] = ()) -> None
         _check(path)
 
 
+def second_of(path: Path) -> Path:
+    """Where a second adjustment goes, beside the first one."""
+    return path.with_name(f"{path.stem}{SECOND}{path.suffix}")
+
+
+def forget_second(paths: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Delete second adjustments of earlier runs beside new results, which they do not belong to."""
+    read = {_resolved(path) for path in inputs}
+    for path in map(second_of, paths):
+        if path.is_file() and _resolved(path) not in read:
+            path.unlink()
+
+
 Content: TypeAlias = str | bytes | Callable[[IO[bytes]], None]
 """Of a file: a text, bytes, or what writes it."""
 

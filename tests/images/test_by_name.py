@@ -68,6 +68,12 @@ def test_names_that_nothing_has_are_refused(block):
             block.without(what, kind=kind)
     with pytest.raises(InputError, match="must be positive"):
         block.weights(factor=0.0)
+    for odd in ({"factor": 1e-300}, {"sigma": 1e300}):
+        with pytest.raises(InputError, match=r"must be positive, at most 1e\+12"):
+            block.weights(**odd)
+    for odd in ({}, {"factor": 2.0, "sigma": 0.1}):
+        with pytest.raises(InputError, match="either a factor of the sigmas or a sigma"):
+            block.weights(**odd)
 
 
 def test_sigmas_are_changed_by_name(block):

@@ -103,6 +103,14 @@ def test_fish_eyes_of_opencv(solved, tmp_path):
     np.testing.assert_allclose(found, 900.0 * bent[:, None] * unit + [990.0, 760.0], atol=1e-9)
 
 
+def test_a_model_that_is_not_whole_says_what_is_missing(solved, tmp_path):
+    _binary_colmap(tmp_path, *solved)
+    (tmp_path / "cameras.txt").write_text("# nothing\n")
+    (tmp_path / "points3D.bin").unlink()
+    with pytest.raises(InputError, match=r": points3D\.bin not there: a model is cameras, images, points3D"):
+        read_colmap(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [

@@ -127,6 +127,9 @@ def test_an_export_of_photomodeler_in_its_own_layout(shared_data, tmp_path):
     solution = block.solve()
     assert solution.sigma0 == pytest.approx(expected["sigma0"], abs=5e-4)
     assert solution.result.redundancy == expected["redundancy"]
+    accented = _export(shared_data).replace("images\\P", "débruitées\\P").encode("cp1252")
+    path.write_bytes(accented)
+    assert b"\xe9" in accented and read_photomodeler(path).poses.images == block.poses.images
     path.write_text(_export(shared_data, size=""))
     with pytest.raises(InputError, match=r"camcal\.txt:2: the size of the images is missing"):
         read_photomodeler(path)

@@ -35,6 +35,13 @@ def _document(solved, path, references, more="", system=None):
     return path
 
 
+def test_cameras_keep_their_names(solved, tmp_path):
+    first, _ = read_metashape(_document(solved, tmp_path / "a.xml", {}))
+    again = metashape_files(first.solve(), tmp_path / "b.xml")
+    (tmp_path / "b.xml").write_text(*again.values())
+    assert list(read_metashape(tmp_path / "b.xml")[0].cameras) == list(first.cameras)
+
+
 def test_positions_have_their_accuracy_or_that_of_the_chunk(solved, tmp_path):
     references = {
         0: 'x="1" y="2" z="3" sx="0.02" sy="0.03" sz="0.05"',

@@ -103,6 +103,16 @@ def test_opensfm_says_cameras_poses_points_and_where_it_is(scene, tmp_path):
     assert "1 smaller reconstructions are left out" in block.notes[0]
 
 
+def test_opensfm_without_tracks_has_poses(scene, tmp_path):
+    folder = _opensfm(tmp_path, scene)
+    (folder / "tracks.csv").unlink()
+    block = read_opensfm(folder)
+    assert len(block.poses) == len(scene[0]) and not block.sets
+    assert any(
+        "tracks.csv: there is no such file: image points come from --measures" in n for n in block.notes
+    )
+
+
 def test_opensfm_in_the_folder_of_odm_with_positions_and_ground_points(scene, tmp_path):
     poses, points, measures = scene
     (tmp_path / "opensfm").mkdir()

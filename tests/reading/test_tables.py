@@ -41,3 +41,8 @@ def test_remarks_that_look_like_rows_are_told(tmp_path, logged):
 def test_decimal_commas_are_recognised(tmp_path):
     with pytest.raises(InputError, match=r"t\.csv:2: 3 cells for 2 columns; the comma separates cells"):
         table(tmp_path, "a,b\n1,2,5\n")
+
+
+def test_a_name_with_a_line_end_in_it_is_told(tmp_path):
+    with pytest.raises(InputError, match=r"t\.csv:2: .*a quote is open at the end of the line"):
+        table(tmp_path, 'type,a,b\nDist,"P\nQ",1\n')

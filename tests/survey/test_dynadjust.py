@@ -280,7 +280,6 @@ def test_positions_in_longitude_and_latitude(tmp_path):
         (("S A", "S Q"), "n.msr:2: station Q is in no file of stations"),
         (("S A                   B", "S A                   A"), "n.msr:2: two of the stations are the same"),
         ((f"{COVARIANCE[1, 1]:20.13e}", f"{-1:20.13e}"), "n.msr:21: the covariance is not positive definite"),
-        (("\nB   ", "\nA   "), "n.stn:3: station A is given twice (first at"),
     ],
 )
 def test_bad_input_is_refused_by_file_and_line(tmp_path, change, message, capsys):

@@ -1,18 +1,25 @@
 """Which reference points have moved: the smallest set that explains it, several where nothing tells which."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
+from obseq.diagnosis.columns import Columns
+from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.diagnosis.linear import Linear
+from obseq.diagnosis.linear_tests import LinearTests
+from obseq.diagnosis.policy import POLICY
 from obseq.errors import InputError
+from obseq.leastsquares.sparse import Sparse
 from obseq.report.compared import outcome
 from obseq.report.summary import listing
 from obseq.survey import Datum, Network, compare
 from obseq.survey.epochs import congruence
 from obseq.survey.epochs.congruence import motions_of, relative_to, similarities
 from obseq.survey.epochs.displacements import Displacements
-from obseq.survey.epochs.localisation import moved_references
+from obseq.survey.epochs.localisation import _Pulls, moved_references
 from obseq.survey.planning.simulation import Simulation
 
 PLACES = {
@@ -162,3 +169,36 @@ def test_the_summary_says_that_nothing_tells_which(tmp_path):
     assert found.moved == () and "R0" in found.undecided and len(found.undecided) == 2
     assert "moved, and nothing tells which" in listing(outcome(found.record()))
     assert found.record().to_dict()["undecided"] == list(found.undecided)
+
+
+def test_what_sets_of_points_take_is_the_test_of_the_diagnosis():
+    """T of the engine with displacements as observations, motions as unknowns, and each point a block."""
+    random = np.random.default_rng(3)
+    points, motions = 6, np.kron(np.ones((6, 1)), np.eye(3))
+    root = random.normal(size=(18, 18)) + 4.0 * np.eye(18)
+    vectors = random.normal(size=(points, 3))
+    vectors[[2, 4]] += [[9.0], [-4.0]]
+    moved = Displacements(
+        tuple("ABCDEF"), np.zeros((points, 3)), vectors, root @ root.T, np.ones(points, np.bool_)
+    )
+    everywhere = np.ones(points, np.bool_)
+    own = _Pulls.of(relative_to(moved, everywhere, motions), tuple(range(points)), 1.0)
+    whiten = np.linalg.inv(root)
+    rows, inverse = whiten @ motions, np.linalg.inv(motions.T @ whiten.T @ whiten @ motions)
+    linear = Linear(
+        whiten @ vectors.ravel(),
+        Sparse.of_dense(rows),
+        Sparse.of_dense(whiten),
+        lambda: Sparse.of_dense(inverse),
+        Sparse.of_diagonal(np.einsum("ij,jk,ik->i", rows, inverse, rows)),
+        lambda right: inverse @ right,
+        15,
+    )
+    blocks = Hypotheses([Family("S110", 3 * np.arange(points + 1), np.arange(18), is_block=True)])
+    tests = LinearTests(linear, Columns(Sparse.of_dense(whiten.T), np.zeros(18, np.bool_)), blocks, POLICY)
+    assert tests.cost == pytest.approx(own.squares) and own.freedom == 15
+    for size in (1, 2):
+        for chosen in combinations(range(points), size):
+            left, freedom = own.without(chosen)
+            assert left == pytest.approx(tests.cost - tests.took(chosen), rel=1e-9)
+            assert freedom == 15 - 3 * size

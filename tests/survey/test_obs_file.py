@@ -294,3 +294,20 @@ def test_sixty_thousand_lines(tmp_path):
     path.write_text("\n".join(f"5 S{k // 6} T{k % 9999} {k % 400}.1234 0.0008 0 0 0" for k in range(60_000)))
     book = read_obs(path)
     assert (len(book.observations), len(book.stations)) == (60_000, 10_000)
+
+
+@pytest.mark.parametrize("hidden", ["\u200b", "\u2060", "\ufeff"])
+def test_names_with_a_character_that_nobody_sees_are_refused(tmp_path, hidden):
+    (tmp_path / "survey.obs").write_text(f"4 BM P{hidden} 1.234 0.001\n", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"survey\.obs:1: the name P\\u[0-9a-f]{4} holds a character that nobody"
+    ):
+        read_obs(tmp_path / "survey.obs")
+
+
+def test_a_blank_that_is_none_is_told_with_the_line_that_holds_it(tmp_path):
+    (tmp_path / "survey.obs").write_text("4 BM P\u00a01 1.234 0.001\n", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"name P\\xa01 holds .* \(the line holds '\\xa0', which nobody sees\)"
+    ):
+        read_obs(tmp_path / "survey.obs")

@@ -140,3 +140,42 @@ def test_two_results_do_not_go_to_standard_output(tmp_path, capsys):
     assert run(tmp_path, "--json", "-", "--without-accused") == 2
     out, err = capsys.readouterr()
     assert not out and "name a file" in err
+
+
+def test_results_of_earlier_runs_do_not_stand_beside_new_ones_in_silence(tmp_path, capsys):
+    written(tmp_path, 0.4)
+    out = tmp_path / "out"
+    assert run(tmp_path, "--out", str(out), "--without-accused") == 1
+    assert (out / "adjustment-without-accused.html").is_file()
+    written(tmp_path)
+    assert run(tmp_path, "--out", str(out), "--without-accused") == 0
+    assert not list(out.glob("*-without-accused*")) and (out / "adjustment.html").is_file()
+    capsys.readouterr()
+    assert run(tmp_path, "--out", str(out), "--points-crs", "none") == 2
+    assert (
+        f"note: {out / 'adjustment.html'} and the files beside it are of an earlier run"
+        in capsys.readouterr().err
+    )
+
+
+def test_a_wrong_system_of_the_points_comes_before_what_is_suspected_in_it(tmp_path, capsys) -> None:
+    (tmp_path / "p.cor").write_text("1 A 1000 5000 100 0.001\n1 B 1250 5010 102 0.001\n0 P 1174 5261 104\n")
+    (tmp_path / "o.obs").write_text(
+        "3 A P 313.5 0.003\n3 B P 262.4 0.003\n3 A B 250.2 0.003\n3 B A 250.2 0.003\n4 A P 4 0.003\n"
+        "4 B P 2 0.003\n"
+    )
+    files = ["adjust", str(tmp_path / "o.obs"), str(tmp_path / "p.cor")]
+    assert main([*files, "--points-crs", "EPSG:2154"]) == 1
+    out = capsys.readouterr().out
+    assert "Suspected first: the system of the points: A, B: outside the area" in " ".join(out.split())
+    assert out.index("Suspected first") < out.index("off by") and out.count("outside the area") == 1
+    main(files)
+    assert "Suspected first" not in capsys.readouterr().out
+
+
+def test_robust_weights_are_an_option_as_in_python(tmp_path, capsys):
+    network = written(tmp_path, 0.4)
+    run(tmp_path, "--loss", "huber", "--json", str(tmp_path / "r.json"))
+    found = json.loads((tmp_path / "r.json").read_text())["sigma0"]
+    assert found == pytest.approx(network.adjust(loss="huber").sigma0, rel=1e-9)
+    assert found != pytest.approx(network.adjust().sigma0, rel=1e-3)

@@ -149,8 +149,9 @@ def alone(kind: str, size: int, way: str, file: Path) -> Figures:
     found += [
         np.concatenate([getattr(one, name).ravel() for one in quality.all]) for name in ("redundancy", "w")
     ]
+    figures |= {"peak": peak(), "told": told, "iterations": len(result.iterations)}
     np.savez(file, *found, _last_places(system, result, quality))
-    return figures | {"peak": peak(), "told": told, "iterations": len(result.iterations)}
+    return figures
 
 
 def _last_places(system: LeastSquares, result: Any, quality: Any) -> np.ndarray:

@@ -41,6 +41,6 @@ def run(arguments: argparse.Namespace) -> int:
                 Source([observations], [points], {"frame": FRAME, "points_crs": POINTS_CRS}),
                 {},
                 outputs_in(arguments.out),
-                detail=detail_of(arguments),
+                detail=detail_of(arguments, "adjustment"),
             )
         )

@@ -6,13 +6,19 @@ with one message on standard error; 130 interrupted from the keyboard, or told t
 
 import os
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from obseq.cli.commands import parser
 from obseq.cli.guard import guarded
 from obseq.cli.mmvii.spelled import as_mmvii
 from obseq.cli.parsing import CommandParser
 from obseq.cli.topics import instead
+from obseq.errors import ObseqError
+
+KINDS = ("adjustment", "bundle", "plan", "comparison")
+"""Names of the pages of results."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,8 +39,21 @@ def run(words: Sequence[str]) -> int:
     """Run the command of some words."""
     words = instead(words)
     chosen = parser(*words[:1]).parse_args(words)
-    code: int = chosen.run(chosen)
+    begun = time.time()
+    try:
+        code: int = chosen.run(chosen)
+    except ObseqError as error:
+        for path in _pages(getattr(chosen, "out", None)):
+            if path.stat().st_mtime < begun:
+                error.add_note(f"{path} and the files beside it are of an earlier run")
+        raise
     return code
+
+
+def _pages(folder: object) -> Iterator[Path]:
+    """The pages of results in a folder that is named by --out."""
+    if isinstance(folder, Path):
+        yield from (path for kind in KINDS if (path := folder / f"{kind}.html").is_file())
 
 
 def _complete() -> None:

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TextIO, TypeAlias
 
+from obseq.arguments import EXTREME
 from obseq.writing import STANDARD_OUTPUT
 
 Commands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
@@ -240,6 +241,14 @@ def positive_number(text: str) -> float:
     value = _number(text)
     if not 0.0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"{text} is not a number above zero")
+    return value
+
+
+def sigma(text: str) -> float:
+    """A number above zero whose square, and its inverse, have a size."""
+    value = positive_number(text)
+    if not 1.0 / EXTREME <= value <= EXTREME:
+        raise argparse.ArgumentTypeError(f"{text} is no sigma: it is from {1 / EXTREME:g} to {EXTREME:g}")
     return value
 
 

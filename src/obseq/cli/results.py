@@ -133,7 +133,7 @@ def add_detail(group: argparse.ArgumentParser | argparse._ArgumentGroup) -> None
     group.add_argument("--show", nargs="+", metavar="TABLE", default=(), help=purpose)
 
 
-def detail_of(arguments: argparse.Namespace, kind: str = "adjustment") -> Detail:
+def detail_of(arguments: argparse.Namespace, kind: str) -> Detail:
     """What the options say of it.
 
     Args:

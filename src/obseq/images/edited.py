@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.arguments import FUNCTION, NOTHING, NUMBER, TEXT, TEXTS, WHOLE, expecting, instance
+from obseq.arguments import FUNCTION, NOTHING, NUMBER, TEXT, TEXTS, WHOLE, expecting, instance, weights_factor
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
@@ -88,9 +88,9 @@ class EditedBlock(AdjustableBlock):
             made.notes.append(f"{' and '.join(what)} take no part: the block is free, as its datum asks")
         return made
 
-    @expecting(kind=TEXT | NOTHING, factor=NUMBER, sigma=NUMBER | NOTHING)
+    @expecting(kind=TEXT | NOTHING, factor=NUMBER | NOTHING, sigma=NUMBER | NOTHING)
     def weights(
-        self, *what: str, kind: str | None = None, factor: float = 1.0, sigma: float | None = None
+        self, *what: str, kind: str | None = None, factor: float | None = None, sigma: float | None = None
     ) -> Self:
         """The block in which some observations have other sigmas.
 
@@ -101,10 +101,9 @@ class EditedBlock(AdjustableBlock):
             sigma: Their sigma in place of what they have: pixels; the unit of the world for control points.
 
         Raises:
-            InputError: No observation is called so, or a sigma is not positive.
+            InputError: No observation is called so; no factor and no sigma, or both; one of no size.
         """
-        if not factor > 0.0 or (sigma is not None and not sigma > 0.0):
-            raise InputError("weights: a sigma, or what multiplies it, must be positive")
+        factor = weights_factor(factor, sigma)
         chosen, made = self._chosen(what, kind), self.copied()
         for k, (part, rows) in enumerate(zip(made.sets, chosen.measures, strict=True)):
             sigmas = part.measures.sigmas.copy()

@@ -62,7 +62,7 @@ def check_frames(cameras: Sequence[Camera], measures: ImagePoints) -> None:
         camera = cameras[measures.image[row]]
         raise RowError(
             f"{measures.label(row)}: ({x:g}, {y:g}) is outside the image of {camera.width} by "
-            f"{camera.height} pixels ({wrong.size} measures are)"
+            f"{camera.height} pixels ({wrong.size} {'measure is' if wrong.size == 1 else 'measures are'})"
             + _convention(measures, wrong.size, low, size),
             row,
         )
@@ -94,7 +94,7 @@ def _are_within(xy: FloatArray, lowest: FloatArray, sizes: FloatArray) -> bool:
 def _convention(measures: ImagePoints, outside: int, low: FloatArray, size: FloatArray) -> str:
     """What many measures outside their images may mean."""
     if outside < MANY * len(measures):
-        return ""
+        return "; correct it, or delete its line"
     exchanged = measures.xy[:, ::-1]
     if ((exchanged >= low) & (exchanged <= size + MARGIN)).all():
         return EXCHANGED

@@ -33,8 +33,12 @@ _TOLD = re.compile(r"sep=(.)", re.IGNORECASE)
 LOGGER = logging.getLogger(__name__)
 
 
-def text_of(path: str | Path) -> str:
+def text_of(path: str | Path, other: str = "") -> str:
     """The text of a file in UTF-8, a byte-order mark left out.
+
+    Args:
+        path: the file.
+        other: encoding of a file that is not in UTF-8; none by default.
 
     Raises:
         InputError: the file cannot be read, is too large, or is not text; it is named.
@@ -43,7 +47,9 @@ def text_of(path: str | Path) -> str:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text in UTF-8 (byte {error.start}); convert it") from None
+        if not other:
+            raise InputError(f"{path}: not a text in UTF-8 (byte {error.start}); convert it") from None
+        text = data.decode(other, "replace")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -123,7 +129,7 @@ class Rows:
                 continue
             cells = self._split(index)
             if len(cells) != count and not self._is_padded(cells):
-                raise self._error(index, self._miscounted(cells))
+                raise self._error(index, self._miscounted(cells, index))
             yield index, cells[:count]
 
     def rows_in_remarks(self) -> list[int]:
@@ -151,10 +157,12 @@ class Rows:
         parts = pairwise(cell.lstrip("+-") for cell in cells)
         return self.separator == "," and any(a.isdigit() and b.isdigit() for a, b in parts)
 
-    def _miscounted(self, cells: list[str]) -> str:
+    def _miscounted(self, cells: list[str], index: int) -> str:
         """What is said of a row of too few or too many cells."""
         is_likely = len(cells) > len(self.names) and self._has_decimal_commas(cells)
         hint = "; the comma separates cells: write decimals with a point" if is_likely else ""
+        if self._lines[index].count('"') % 2:
+            hint = "; a quote is open at the end of the line: a row, and a name, stand on one line"
         return f"{len(cells)} cells for {len(self.names)} columns{hint}"
 
 

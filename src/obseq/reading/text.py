@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import stat
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,8 @@ _STRIDE = 1000
 """Lines that are read between two looks at the clock."""
 LEAST_SIGMA = 1e-12
 """Sigmas below it (m, gon) would make weights infinite."""
+_NO_WIDTH = "\u00ad\u200b\u2060\ufeff"
+_WORD = re.compile(r"\S+", re.ASCII)
 LONGEST_NAME = 200
 """Names beyond it are a mistake of the file: nothing could be printed of them."""
 LARGEST_FILE = 1 << 31
@@ -58,6 +61,8 @@ class TextFile:
 
     def error(self, index: int, problem: str) -> InputError:
         """An error about line `index` (from 0), which it quotes."""
+        if hidden := invisible(self.lines[index]):
+            problem += f" (the line holds {hidden!a}, which nobody sees)"
         return InputError(f"{self.place(index)}: {problem}\n    {quoted(self.lines[index])}")
 
     def number(self, index: int, text: str, said: str = "{}") -> float:
@@ -73,6 +78,10 @@ class TextFile:
             raise self.error(
                 index,
                 f"a name has {len(name)} characters; give it at most {LONGEST_NAME} (are blanks missing?)",
+            )
+        if invisible(name):
+            raise self.error(
+                index, f"the name {quoted(name)} holds a character that nobody sees; type it again"
             )
         if not self.is_clean and _has_surrogates(name):
             raise self.error(
@@ -205,6 +214,20 @@ def _has_surrogates(text: str) -> bool:
     except UnicodeEncodeError:
         return True
     return False
+
+
+def invisible(text: str) -> str:
+    """The first blank that is not of the keyboard, or sign without a width, of a text; "" for none."""
+    if text.isascii() or text.isprintable():
+        return ""
+    from unicodedata import category
+
+    return next((c for c in text if c in _NO_WIDTH or (c != " " and category(c) == "Zs")), "")
+
+
+def words(text: str) -> list[str]:
+    """The parts of a text between blanks of the keyboard; any other is part of a word, which is refused."""
+    return text.split() if text.isascii() else _WORD.findall(text)
 
 
 def quoted(text: str) -> str:

@@ -19,6 +19,7 @@ import msgspec
 from obseq.errors import InputError
 from obseq.packages import version
 from obseq.printable import printable_line
+from obseq.records import one_point
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.quality import (
     DoubtfulRecord,
@@ -46,6 +47,8 @@ from obseq.records.table import AnyTable, table_of
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from obseq.arrays import FloatArray
 
 FORMAT = "obseq-adjustment"
 VERSION = 1
@@ -266,6 +269,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
         unused: Observations of the files that take no part, though no file switches them off.
         planned: Whether nothing is measured yet: there are no residuals, nor what is judged by them.
         failures: What should explain the result, and failed: nobody has looked; among the warnings too.
+        outside: What to say of points outside the area of their system, where errors are suspected.
         joint: Tests of vectors, and of positions that have a covariance, each as one observation.
     """
 
@@ -312,6 +316,7 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     unused: tuple[UnusedRecord, ...] = ()
     joint: tuple[JointTestRecord, ...] = ()
     failures: tuple[str, ...] = ()
+    outside: str = ""
     planned: bool = False
     units: ShownUnits = METRIC
     format: str = FORMAT
@@ -340,6 +345,18 @@ class AdjustmentRecord(Record, frozen=True, omit_defaults=False):
     def table(self, name: str = "points") -> AnyTable:
         """One of its lists as a table; see `obseq.records.table`."""
         return table_of(self, name)
+
+    def covariance(self, name: str) -> FloatArray:
+        """(3, 3) covariance of one point in the computation frame (m^2).
+
+        Raises:
+            InputError: There is no such point.
+        """
+        return one_point.covariance(self.points, name)
+
+    def ellipse(self, name: str, level: float | None = 0.95) -> EllipseRecord:
+        """The error ellipse of a point in x and y, at `ellipse_level`; see `records.one_point`."""
+        return one_point.ellipse(self.points, name, level, self.ellipse_level)
 
     def to_dict(self) -> dict[str, Any]:
         """The plain form: what the result file holds."""

@@ -92,8 +92,10 @@ class Table(Mapping[str, Cells], Generic[Row]):
         """Writes it as CSV.
 
         Raises:
-            InputError: The file cannot be written.
+            InputError: The name does not end in .csv, or the file cannot be written.
         """
+        if not str(path).lower().endswith(".csv"):
+            raise InputError(f"{path}: a table is saved as CSV: end the name in .csv (frame() is for others)")
         write_text(path, self.csv())
 
     def _name(self, column: str) -> str:

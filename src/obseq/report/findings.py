@@ -82,7 +82,7 @@ def is_known(record: AdjustmentRecord, is_observed: bool = True) -> BoolArray:
 
 def findings(record: AdjustmentRecord, rows: Mapping[str, int]) -> tuple[Findings, ...]:
     """Suspected errors, and what is worth knowing."""
-    accused = tuple(_accused(record, item) for item in record.gross_errors)
+    accused = (*_outside(record), *(_accused(record, item) for item in record.gross_errors))
     others = (
         *searched(record.diagnosis, record.failures),
         *_sigma0(record),
@@ -146,6 +146,13 @@ def searched(found: DiagnosisRecord | None, failures: Sequence[str]) -> Iterator
     for item in found.remarks:
         text = item.text.removeprefix(item.what).lstrip(": ")
         yield Finding("info", name(item.what), name(f"{text}. No error: it is not beyond a sigma of each."))
+
+
+def _outside(record: AdjustmentRecord) -> Iterator[Finding]:
+    """The system of the points, before what is suspected in it."""
+    if record.outside:
+        step = "give the system that the points are in (--points-crs), adjust again; then look at the others."
+        yield Finding("bad", "Suspected first: the system of the points", name(record.outside), step=step)
 
 
 def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
@@ -339,7 +346,7 @@ def _replaced(record: AdjustmentRecord) -> Iterator[Finding]:
 
 def _said(record: AdjustmentRecord) -> Iterator[Finding]:
     for text in record.warnings:
-        if text not in record.failures:
+        if text not in (*record.failures, record.outside):
             yield Finding("warn", "Warning", name(text))
     for text in record.notes:
         yield Finding("info", "Note", name(text))

@@ -37,6 +37,8 @@ RANK = {"bad": 0, "warn": 1, "info": 2, "ok": 3}
 """Which findings are told first where not all can be."""
 WHOLE = "\u00a0"
 """A blank at which no line ends."""
+NONE = {"known": "(There are no known coordinates with a sigma here: held ones have no residual.)"}
+"""What is said of tables that a result does not have."""
 NOTHING = "nothing (--out and the options of each format write results)"
 
 Line = tuple[str, str]
@@ -283,7 +285,7 @@ def _table(outcome: Outcome, name: str) -> Iterator[Line]:
     wanted = _named(outcome.known, name) or name
     found = [table for table in outcome.tables([wanted]) if table["id"] == wanted]
     if not found:
-        yield f"(There are no {name} here.)", ""
+        yield NONE.get(name, f"(There are no {name} here.)"), ""
     for table in found:
         order = table.get("order")
         rows = worst(table, order) if order and table.get("rows") != "point" else ordered(table)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from obseq.arguments import NOTHING, NUMBER, TEXT, expecting, instance
+from obseq.arguments import NOTHING, NUMBER, TEXT, expecting, instance, weights_factor
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.survey.by_name import chosen, with_sigmas
 from obseq.survey.diagnosing.without_accused import without_accused
@@ -43,9 +42,9 @@ class Edited:
         """
         return replace(self, book=self.book.without(chosen(self.book, what, kind)))
 
-    @expecting(kind=TEXT | NOTHING, factor=NUMBER, sigma=NUMBER | NOTHING)
+    @expecting(kind=TEXT | NOTHING, factor=NUMBER | NOTHING, sigma=NUMBER | NOTHING)
     def weights(
-        self, *what: str, kind: str | None = None, factor: float = 1.0, sigma: float | None = None
+        self, *what: str, kind: str | None = None, factor: float | None = None, sigma: float | None = None
     ) -> Self:
         """The network in which some observations have other sigmas.
 
@@ -56,10 +55,9 @@ class Edited:
             sigma: Their sigma, m or rad, in place of what they have.
 
         Raises:
-            InputError: No observation is called so, or a sigma is not positive.
+            InputError: No observation is called so; no factor and no sigma, or both; one of no size.
         """
-        if not factor > 0.0 or (sigma is not None and not sigma > 0.0):
-            raise InputError("weights: a sigma, or what multiplies it, must be positive")
+        factor = weights_factor(factor, sigma)
         return replace(self, book=with_sigmas(self.book, chosen(self.book, what, kind), factor, sigma))
 
     @expecting(diagnosis=instance(DiagnosisRecord) | NOTHING)

@@ -269,19 +269,19 @@ class Network(Edited):
         faces: str = MEAN,
     ) -> Network:
         """The network of points in their system and of observations."""
-        points, book = join(points, reduced_faces(book, faces))
+        with watch.phase("read"):
+            points, book = join(points, reduced_faces(book, faces))
         with watch.phase("coordinate systems"):
             points, computation, given, warning = in_frame(points, book, frame, points_crs)
-        book = book.warned(
-            *([] if warning is None else [warning]), *repetitions(book), *implausible_sigmas(points, book)
-        )
-        frame_of_network = Frame(computation, refraction)
-        own = None if frame_of_network.has_place else placed_in_own_frame(points, book)
+            told = [] if warning is None else [warning]
+            book = book.warned(*told, *repetitions(book), *implausible_sigmas(points, book))
+            frame_of_network = Frame(computation, refraction)
+            own = None if frame_of_network.has_place else placed_in_own_frame(points, book)
         if own is None:
             return cls(points, book, frame_of_network, given, watch.seconds)
-        points, told = own
+        points, words = own
         free = Datum(DatumKind.INNER)
-        return cls(points, book.warned(told), frame_of_network, given, watch.seconds, datum=free)
+        return cls(points, book.warned(words), frame_of_network, given, watch.seconds, datum=free)
 
     @property
     def point_system(self) -> PointSystem:

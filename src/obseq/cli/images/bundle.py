@@ -21,6 +21,7 @@ from obseq.cli.parsing import (
     output_file,
     positive_integer,
     positive_number,
+    sigma,
 )
 from obseq.cli.progress import Progress
 from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show, shown_anyway, telling
@@ -28,7 +29,7 @@ from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
 from obseq.stopwatch import Stopwatch
-from obseq.writing import SECOND, check_writable, write_all
+from obseq.writing import check_writable, forget_second, second_of, write_all
 
 if TYPE_CHECKING:
     Options = dict[str, Any]
@@ -112,7 +113,7 @@ def register(commands: Commands) -> None:
 def _add_computation(command: argparse.ArgumentParser) -> None:
     computation = command.add_argument_group("computation")
     computation.add_argument(
-        "--image-sigma", type=positive_number, metavar="PX", help="sigma of measures whose table gives none"
+        "--image-sigma", type=sigma, metavar="PX", help="sigma of measures whose table gives none"
     )
     computation.add_argument(
         "--control-sigma",
@@ -188,6 +189,7 @@ def _adjusted(arguments: argparse.Namespace) -> int:
             with explained(block, progress, **options):
                 solution = _solve(block, options, watch)
         record, written = _reported(solution, given, arguments, outputs, options, watch, read)
+    forget_second(outputs.values(), inputs(arguments))
     _show(record, written, detail, watch)
     if arguments.without_accused:
         return _without_accused(solution, record, arguments, outputs, options)
@@ -218,7 +220,7 @@ def _reported(
         files = boundary.texts(telling(_writers(outputs, solution, record, read), watch.progress))
         files |= _written(arguments, solution, boundary)
         record = structs.replace(record, failures=(*record.failures, *boundary.failures))
-        with shown_anyway(partial(_show, record, [], detail_of(arguments), watch)):
+        with shown_anyway(partial(_show, record, [], detail_of(arguments, "block"), watch)):
             write_all(files)
     return record, [path for path in outputs.values() if path in files]
 
@@ -262,7 +264,7 @@ def _without_accused(
 
 def _second(outputs: Mapping[str, Path]) -> dict[str, Path]:
     """The files of the adjustment without what is accused."""
-    return {option: path.with_stem(path.stem + SECOND) for option, path in outputs.items()}
+    return {option: second_of(path) for option, path in outputs.items()}
 
 
 def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:

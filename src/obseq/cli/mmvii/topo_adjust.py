@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     from obseq.project.options.bundle_options import TOPO, parse_options
 
     options, tree = parse_options(arguments.options, TOPO), ProjectTree.at(arguments.project)
-    outputs, detail = outputs_of(arguments), detail_of(arguments)
+    outputs, detail = outputs_of(arguments), detail_of(arguments, "adjustment")
     check_writable([path for path, _ in outputs])
     with Progress("reading") as progress:
         from obseq.project.networks import control_of, network_of, survey_points

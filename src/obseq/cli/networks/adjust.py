@@ -33,7 +33,7 @@ from obseq.printable import composed, printable
 from obseq.records.adjustment import AdjustmentRecord, PhaseRecord
 from obseq.report.summary import USUAL, Detail
 from obseq.stopwatch import Stopwatch
-from obseq.writing import SECOND, STANDARD_OUTPUT, check_writable
+from obseq.writing import SECOND, STANDARD_OUTPUT, check_writable, forget_second, second_of
 
 if TYPE_CHECKING:
     from obseq.survey import Network
@@ -97,14 +97,10 @@ class Request:
             raise InputError("--without-accused writes two results: name a file in place of -")
         return replace(
             self,
-            outputs=[(_beside(path), form) for path, form in self.outputs],
+            outputs=[(second_of(path), form) for path, form in self.outputs],
             title=f"{self.title}, without the accused" if self.title else "Without the accused",
-            sinex=None if self.sinex is None else _beside(self.sinex),
+            sinex=None if self.sinex is None else second_of(self.sinex),
         )
-
-
-def _beside(path: Path) -> Path:
-    return path.with_name(f"{path.stem}{SECOND}{path.suffix}")
 
 
 def register(commands: Commands) -> None:
@@ -139,6 +135,11 @@ def register(commands: Commands) -> None:
     )
     add_iterations(computation, "controlled")
     computation.add_argument(
+        "--loss",
+        choices=("huber", "l1", "cauchy", "tukey"),
+        help="robust weights: large residuals count less; they name nothing (see --snooping)",
+    )
+    computation.add_argument(
         "--strict",
         action="store_true",
         help="refuse (exit code 2) a network of which points would have to be left out as undetermined",
@@ -165,6 +166,7 @@ def run(arguments: argparse.Namespace) -> int:
         "tolerance": arguments.tolerance,
         "strategy": arguments.strategy,
         "strict": arguments.strict,
+        "loss": arguments.loss,
         "quality": quality_of(arguments),
         "datum": _datum(arguments),
         "blocks": blocks_of(arguments),
@@ -179,7 +181,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.estimate or (),
             arguments.units,
             arguments.without_accused,
-            detail_of(arguments),
+            detail_of(arguments, "adjustment"),
         )
     )
 
@@ -208,6 +210,7 @@ def _adjusted(request: Request) -> int:
         watch = Stopwatch(progress)
         network = _network(request, watch)
         record, others = _written(network, request, watch)
+    forget_second(request.places, request.source.files)
     show_adjustment(record, request.outputs, request.detail, others)
     if second is not None:
         return _without_accused(network, record, second)

@@ -24,6 +24,10 @@ NOTHING = 2**64 - 1
 NAMED = re.compile(r"# point (\d{1,18}) is called (\S.*?)\s*$")
 
 
+FILES = ("cameras", "images", "points3D")
+"""What a model is."""
+
+
 @dataclass(frozen=True)
 class ColmapCamera:
     """A camera: its model, size and parameters, and where it stands for messages."""
@@ -80,9 +84,17 @@ def read_model(folder: Path) -> ColmapModel:
     Raises:
         InputError: a file is missing, cut short, or holds what it should not.
     """
-    binary = all((folder / f"{name}.bin").is_file() for name in ("cameras", "images", "points3D"))
+    lacking = {
+        form: [f"{name}.{form}" for name in FILES if not (folder / f"{name}.{form}").is_file()]
+        for form in ("bin", "txt")
+    }
+    if all(lacking.values()) and folder.is_dir():
+        which = ", ".join(lacking["bin"] if len(lacking["bin"]) <= len(lacking["txt"]) else lacking["txt"])
+        raise InputError(
+            f"{folder}: {which} not there: a model is {', '.join(FILES)}, all as .bin or as .txt"
+        )
     try:
-        return _binary(folder) if binary else _text(folder)
+        return _text(folder) if lacking["bin"] else _binary(folder)
     except InputError as error:
         raise InputError(str(error) if str(folder) in str(error) else f"{folder}: {error}") from None
 

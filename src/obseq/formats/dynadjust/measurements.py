@@ -258,6 +258,11 @@ class _Book:
                 f"{files}: heights above the geoid are taken as above the ellipsoid: no geoid is given "
                 "(--geoid FILE)"
             )
+        if again := self._stations.again:
+            warnings.append(
+                f"{files}: {len(again)} free stations are given again: their first coordinates count: "
+                f"{listed(again, SHOWN)}"
+            )
         southern = self._stations.without_hemisphere
         if southern:
             warnings.append(

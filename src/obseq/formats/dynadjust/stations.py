@@ -51,20 +51,29 @@ class Stations:
         ignores_deflections: bool = False,
     ) -> None:
         self._ignores = ignores_deflections
-        self.header, self.files, self._records, self._geoid = header, files, records, geoid
+        self.header, self.files, self._geoid = header, files, geoid
         self.index: dict[str, int] = {}
-        for row, record in enumerate(records):
+        self.again: list[str] = []
+        self._records: list[StationRecord] = []
+        for record in records:
             self._check(record)
-            first = self.index.setdefault(record.name, row)
-            if first != row:
-                place = records[first].place
-                raise record.place.error(
-                    f"station {record.name} is given twice (first at {place.file}:{place.line})"
-                )
+            if self.index.setdefault(record.name, len(self._records)) == len(self._records):
+                self._records.append(record)
+            else:
+                self._note_again(record, self._records[self.index[record.name]])
         self.is_deflected = False
         self.geodetic = self._placed()
         self.undulations = self._from_geoid[:, 0]
         self.geodetic[:, 2] += np.where(self.is_above_geoid, np.nan_to_num(self.undulations), 0.0)
+
+    def _note_again(self, record: StationRecord, first: StationRecord) -> None:
+        """A station that is there already: of free ones the first counts; it is refused where one is held."""
+        place = first.place
+        if "C" in record.constraints + first.constraints:
+            raise record.place.error(
+                f"station {record.name} is given twice (first at {place.file}:{place.line})"
+            )
+        self.again.append(f"{record.name} ({record.place.file}:{record.place.line})")
 
     @staticmethod
     def _check(record: StationRecord) -> None:

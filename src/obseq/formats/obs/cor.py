@@ -40,6 +40,7 @@ from obseq.reading.text import (
     leading_numbers,
     quoted,
     read_text,
+    words,
 )
 from obseq.survey.model import Points, merge_points
 from obseq.writing import write_text
@@ -116,7 +117,7 @@ def _read_one(file: TextFile, default_sigma: float | None) -> Points:
     columns = PointColumns(default_sigma)
     columns.open_file(file)
     for index, line in enumerate(file.lines):
-        fields = line.partition("*")[0].split()
+        fields = words(line.partition("*")[0])
         if fields:
             columns.append(file, index, fields)
     if not len(columns):

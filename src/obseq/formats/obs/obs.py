@@ -35,6 +35,7 @@ from obseq.reading.text import (
     parse_number,
     quoted,
     read_text,
+    words,
 )
 from obseq.survey.kinds.components import DX, DY
 from obseq.survey.kinds.directions import AZIM, HZ
@@ -125,7 +126,7 @@ class _Reader:
         self.number = self.columns.open_file(file)
         before, rest = len(self.columns), AfterSigma(file, self.ignored)
         for index, line in enumerate(file.lines):
-            fields = line.partition("*")[0].split()
+            fields = words(line.partition("*")[0])
             if not fields:
                 continue
             if fields[0].startswith("#"):

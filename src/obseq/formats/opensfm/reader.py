@@ -81,12 +81,16 @@ def _add_images(block: BundleAdjustment, scene: Node) -> None:
 def _add_points(block: BundleAdjustment, place: Path, scene: Node) -> None:
     points = {name: point["coordinates"].numbers(3) for name, point in scene["points"].items()}
     block.add_approximations(list(points), np.array(list(points.values())).reshape(-1, 3))
+    tracks = _track_file(place)
+    if not tracks.is_file():
+        block.notes.append(f"{tracks}: there is no such file: image points come from --measures")
+        return
     images, names = list(block.poses.images), list(points)
     image_of = {name: k for k, name in enumerate(images)}
     point_of = {name: k for k, name in enumerate(names)}
     rows = [
         (image_of[image], point_of[track], x, y)
-        for image, track, x, y in _tracks(_track_file(place))
+        for image, track, x, y in _tracks(tracks)
         if image in image_of and track in point_of
     ]
     if not rows:

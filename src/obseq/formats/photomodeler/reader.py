@@ -34,6 +34,8 @@ HEADER, PHOTO = 5, 6
 LISTS = ("control points", "object points", "marks")
 INTERIOR = 10
 """Numbers of a camera."""
+WINDOWS = "cp1252"
+"""Encoding of paths with accents: PhotoModeler is a program of Windows."""
 TERMS = ("F", "PPx", "PPy", "K1", "K2", "K3", "p1", "p2", "b1")
 """Our names of what it has."""
 
@@ -94,7 +96,7 @@ def read_photomodeler(
 
 
 def _lines(path: Path) -> list[_Line]:
-    texts = text_of(path).splitlines()
+    texts = text_of(path, WINDOWS).splitlines()
     return [_Line(f"{path}:{number}", line.strip()) for number, line in enumerate(texts, 1)]
 
 

@@ -146,7 +146,8 @@ class ObservationLines:
                 sigma = Sigma(self._default(line, "height-per-turn") * math.sqrt(turns))
             else:
                 self._ways.append((way, line))
-                per_root = self._default(line, "height-per-km") if way > 0.0 else 0.0
+                read = f" ({self._value(line, 3)} is read as the length of the line)" if way > 0.0 else ""
+                per_root = self._default(line, "height-per-km", read) if way > 0.0 else 0.0
                 sigma = Sigma(per_root * math.sqrt(way / KILOMETRE) or None)
         self._add(line, DH, start, to, rise, sigma, heights)
 
@@ -354,11 +355,11 @@ class ObservationLines:
             found = self._of[name] = self._model.of(name)
         return found
 
-    def _default(self, line: Line, name: str) -> float:
+    def _default(self, line: Line, name: str, more: str = "") -> float:
         given = self._given(line)
         problem = lacking(name, given)
         if problem:
-            raise line.error(problem)
+            raise line.error(problem + more)
         return given[name]
 
     def _row(self, line: Line, name: str) -> int:

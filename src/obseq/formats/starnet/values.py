@@ -24,6 +24,7 @@ HELD_LENGTH, HELD_ANGLE = 1e-6, 1e-9
 """Standard deviations (m, rad) of observations that are fixed (`!`)."""
 _JOINED = re.compile(r"[*!&]{2,}")
 """Codes of standard errors that are written together."""
+FULL_TURN = 2.0 * math.pi * (1.0 + 1e-12)
 _PACKED = re.compile(r"([+-]?)(\d{1,3})(?:\.(\d*))?", re.ASCII)
 _BEARING = re.compile(r"([NS])(.+)([EW])", re.IGNORECASE)
 
@@ -112,15 +113,20 @@ class Line:
         return self.number(text) * self.options.metres
 
     def angle(self, text: str) -> float:
-        """An angle in gon, `d-m-s` or packed `d.mmss`, in radians."""
-        if self.options.has_gons:
-            return self.number(text) * GON
+        """An angle in gon, `d-m-s` or packed `d.mmss`, in radians; at most a turn."""
+        found = self.number(text) * GON if self.options.has_gons else self._dms(text)
+        if abs(found) > FULL_TURN:
+            raise self.error(f"the angle {text} is beyond one turn")
+        return found
+
+    def _dms(self, text: str) -> float:
         try:
             found = dashed(text)
             if found is None and _PACKED.fullmatch(text):
                 found = dms(text)
         except ValueError as error:
-            raise self.error(f"the angle {text}: {error}") from error
+            packed = "" if DASHED.fullmatch(text) else " (it is read as packed ddd.mmss)"
+            raise self.error(f"the angle {text}: {error}{packed}") from error
         if found is None:
             raise self.error(f"{quoted(text)!r} is no angle: ddd-mm-ss.s, or packed ddd.mmss")
         return found

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obseq.boundary import Boundary
+from obseq.crs import parse
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
 from obseq.records.adjustment import (
@@ -34,6 +35,7 @@ from obseq.survey.adjustment.adjusted_records import (
 )
 from obseq.survey.adjustment.asked import Asked
 from obseq.survey.adjustment.joint_groups import joint_records
+from obseq.survey.equations.frame import area_warning
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
 
@@ -228,10 +230,16 @@ class Adjustment(Asked):
             doubtful=self.doubtful,
             unused=self.book.unused,
             failures=(*self.failures, *boundary.failures),
+            outside=self._outside() if self.gross_errors else "",
             joint=joint_records(
                 self.quality.joint, self.quality.reliability, self.book, self.points.points, self.known
             ),
         )
+
+    def _outside(self) -> str:
+        """What to say of points outside the area of their system."""
+        points = replace(self.points.points, coordinates=self.points.crs_coordinates)
+        return area_warning(parse(self.points_crs), points) or ""
 
     def _points(self) -> Rows[PointRecord]:
         points, n = self.points, len(self.points.names)

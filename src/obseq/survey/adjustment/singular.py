@@ -253,7 +253,7 @@ def check_datum(points: Points, book: FieldBook) -> None:
     if not (absolute & book.observations.active).any():
         raise InputError(
             "no point is known: nothing fixes the position of the network. Give at least one point of the "
-            "point file as known (flag 1) with its sigma"
+            "point file as known with its sigma (flag 1; of a levelling 5, and 4 for points between)"
         )
 
 
