@@ -101,3 +101,20 @@ def test_statistics_are_printed(site: Path, capsys: pytest.CaptureFixture[str]) 
     assert main(f"targets simulate --spec {SPEC} {SMALL} --measure".split()) == 0
     last = capsys.readouterr().out.splitlines()[-1].split()
     assert last[:4] == ["all", "4", "4", "0"]
+
+
+def test_sheets_have_other_widths_and_their_own_specification(site: Path) -> None:
+    from obseq.targets import read_specification
+
+    encoding = SPEC.replace("FullSpecif", "SpecEncoding")
+    options = ["ThW0=0.4", "ThCod=0.3", "ThSepCar=0.2", "ThBExt=0.1", "Theta=0.5", "PatIm=00"]
+    assert main(["mmvii", "CodedTargetGenerate", encoding, *options]) == 0
+    geometry = read_specification(Path(SPEC)).geometry
+    assert geometry.radii == pytest.approx((1.4, 1.7, 1.9, 2.0)) and geometry.angle == pytest.approx(0.5)
+    words = ["--inside", "0.2", "--angle=45", "--names=00"]
+    assert main(["targets", "draw", SPEC, *words, "--out=drawn"]) == 0
+    geometry = read_specification(Path("drawn") / SPEC).geometry
+    assert geometry.radii == pytest.approx((1.2, 1.5, 1.7, 1.8)) and geometry.angle == pytest.approx(
+        np.pi / 4
+    )
+    assert main(["targets", "draw", SPEC, "--inside=-1", "--out=drawn"]) == 2

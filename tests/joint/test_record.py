@@ -175,3 +175,10 @@ def test_a_wrong_known_point_has_the_code_of_surveys(tmp_path) -> None:
     (accused,) = solution.diagnosis.accused
     assert accused.code == "S110" and accused.what.startswith("known x of B (")
     assert accused.size[0] == pytest.approx(0.05, abs=0.005)
+
+
+def test_a_distance_is_not_negative_where_points_have_names():
+    whole = obseq.Adjustment()
+    whole.add_points(["A", "B", "P"], [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    with pytest.raises(obseq.InputError, match=r"Dist3D: a distance is negative \(-1\)"):
+        whole.add("Dist3D", p1="P", p2=["A", "B"], distance=[-1.0, 2.0], sigma=0.01)

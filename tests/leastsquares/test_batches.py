@@ -275,19 +275,3 @@ def test_plumb_rotations_keep_their_plumb_line_when_they_are_moved():
     moved = PLUMB.values(PLUMB.moved(PLUMB.context(value), np.array([[0.1, -0.2, 0.3]])))
     np.testing.assert_array_equal(moved[0, :, 3:], value[0, :, 3:])
     assert np.abs(moved - value).max() > 0.1
-
-
-def test_a_distance_is_not_negative_whatever_the_formula(tmp_path):
-    from obseq import Adjustment, LeastSquares
-    from obseq.errors import InputError
-
-    system = LeastSquares()
-    known = system.add_points(["A", "B"], [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]])
-    free = system.add_points(["P"], [[3.0, 4.0, 0.0]])
-    with pytest.raises(InputError, match=r"the distance -5 is negative: no points fit it"):
-        system.add("Dist3D", {"p1": known, "p2": free}, observations=[5.0, -5.0], sigmas=0.01)
-    whole = Adjustment()
-    whole.add_points(["A", "B", "P"], [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
-    whole.add("Dist3D", p1="P", p2=["A", "B"], distance=[-1.0, 2.0], sigma=0.01)
-    with pytest.raises(InputError, match="the distance -1 is negative"):
-        whole.solve()

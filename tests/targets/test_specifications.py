@@ -20,7 +20,7 @@ from obseq.targets import (
     specification_text,
     svg_text,
 )
-from obseq.targets.drawing.drawings import bit_centres
+from obseq.targets.drawing.drawings import bit_centres, bits_drawn
 from obseq.targets.drawing.sheets import outline
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "targets" / "specs"
@@ -160,6 +160,16 @@ def test_outlines_are_the_drawing(family: str) -> None:
     is_white = ~ink if spec.geometry.is_white else ink
     mark = np.zeros_like(ink)
     assert (is_white != wanted)[~mark].mean() < 0.02
+
+
+@pytest.mark.parametrize("family", ["IGNIndoor", "CERN"])
+def test_bits_are_drawn_as_digits_of_the_code_or_of_its_complement(family: str) -> None:
+    spec = made(family)
+    code = spec.codes[list(spec.codes)[7]]
+    bits = bits_drawn(spec, code)
+    inked = int(sum(bit * 2**k for k, bit in enumerate(bits)))
+    assert len(bits) == spec.bits
+    assert inked == (code if spec.geometry.zero_is_sheet else 2**spec.bits - 1 - code)
 
 
 def test_sheets_have_the_stated_size() -> None:

@@ -100,6 +100,10 @@ class Search(Generic[Place]):
         self.count = 0 if best is None else len(best.chosen)
         return self.patiently() if best and best.is_accepted and self.count <= self._policy.few else None
 
+    def at_rest(self) -> None:
+        """Forgets tests that can be made again: of a large model they are most of what is held."""
+        self._last = None
+
     def patiently(self) -> Verdict:
         """What is wrong, from all places where that may be seen."""
         best = self._from_all_places()

@@ -153,6 +153,8 @@ def named_equation(
     for one in kernel.inputs:
         columns = [place[one.start + k] for k in range(one.size)]
         observations[:, columns] = arrays[one.name]
+        if one.name.startswith("distance") and arrays[one.name].min(initial=0.0) < 0.0:
+            raise InputError(f"{shape.name}: a {one.name} is negative ({arrays[one.name].min():g})")
     sigmas = np.asarray(sigma, dtype=np.float64)
     if not (np.isfinite(sigmas).all() and (sigmas > 0.0).all()):
         raise InputError(f"{shape.name}: sigma must be above zero, not {sigma!r}")

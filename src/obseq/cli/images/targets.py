@@ -1,7 +1,9 @@
 """`obseq targets`: coded targets, from the codes to the measures in images."""
 
 import argparse
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,7 +37,15 @@ its file: never make it again."""
 
 DRAW = """
 Writes the sheets of a set. SVG: a file each, with lines of any sharpness. PDF: one file, a page each, and
-below the sheet its name and size. PNG: a file each, 600 pixels across (needs the extra images)."""
+below the sheet its name and size. PNG: a file each, 600 pixels across (needs the extra images). Where a
+width or the angle is given, the sheets have it, and PREFIX_FullSpecif.xml is written for them."""
+WIDTHS = {
+    "inside": "from the central figure to the code",
+    "code": "of the ring of the code",
+    "outside": "from the code to the legend",
+    "border": "from the legend to the end of the sheet",
+}
+"""Of the geometry, that `draw` may change."""
 FORMATS = ("pdf", "svg", "png")
 PARITIES = {"odd": 1, "even": 2, "all": 3}
 SHEET = 150.0
@@ -134,22 +144,36 @@ def _register_draw(commands: Commands) -> None:
     )
     command.add_argument("--format", choices=FORMATS, nargs="+", default=["pdf"], help="of the files (pdf)")
     command.add_argument("--no-legend", action="store_true", help="without names in the corners")
+    for name, what in WIDTHS.items():
+        command.add_argument(f"--{name}", type=float, metavar="UNITS", help=f"width {what}")
+    command.add_argument("--angle", type=float, metavar="DEG", help="where chequers and bits begin")
     command.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder of the files (.)")
 
 
 def draw_sheets(arguments: argparse.Namespace) -> int:
     """Write the sheets."""
-    from obseq.targets.specification_files import read_specification
+    from obseq.targets.specification_files import read_specification, specification_text
 
-    spec = read_specification(arguments.spec)
+    given = read_specification(arguments.spec)
+    spec = _with_widths(given, arguments)
     names = chosen_names(spec, arguments.names)
     files: dict[Path, str | bytes] = {}
+    if spec is not given:
+        files[arguments.out / f"{spec.prefix}_FullSpecif.xml"] = specification_text(spec)
     for kind in dict.fromkeys(arguments.format):
         files |= _sheets(spec, names, kind, arguments)
     check_writable(files, [arguments.spec])
     write_all(files)
     print(f"{len(names)} targets in {len(files)} files: {next(iter(files))}")
     return 0
+
+
+def _with_widths(spec: "Specification", arguments: argparse.Namespace) -> "Specification":
+    """The set with the widths and the angle that are asked for; itself without any."""
+    changed = {name: value for name in WIDTHS if (value := getattr(arguments, name)) is not None}
+    if arguments.angle is not None:
+        changed["angle"] = math.radians(arguments.angle)
+    return replace(spec, geometry=replace(spec.geometry, **changed)) if changed else spec
 
 
 def _sheets(

@@ -16,7 +16,7 @@ from obseq.leastsquares.blocks.files import (
     write_object,
 )
 from obseq.leastsquares.blocks.partition import Tree, entries_of
-from obseq.leastsquares.solvers.base import AT_ONCE, BaseSolver
+from obseq.leastsquares.solvers.base import AT_ONCE, NUMBERS, BaseSolver
 from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics
 
 if TYPE_CHECKING:
@@ -176,8 +176,10 @@ class BlockSolver(BaseSolver):
         places, result = place[columns], np.zeros(len(starts) - 1)
         row, part = np.repeat(np.arange(len(result)), np.diff(starts)), self._partition.part_of[places]
         order = np.argsort(np.append(part, 0)[starts[:-1]], kind="stable")
-        for first in range(0, len(order), AT_ONCE):
-            chosen = order[first : first + AT_ONCE]
+        widest = max(len(one.own) + len(one.outer) for one in self._partition.parts)
+        many = max(1, min(AT_ONCE, NUMBERS // max(widest, 1)))
+        for first in range(0, len(order), many):
+            chosen = order[first : first + many]
             number = np.full(len(result), -1)
             number[chosen] = np.arange(len(chosen))
             own = number[row] >= 0

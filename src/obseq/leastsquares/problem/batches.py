@@ -15,7 +15,6 @@ from obseq.leastsquares.problem.given import (
     Measured,
     block_columns,
     observation_rows,
-    refuse_negative_distances,
     rows_given,
     stretched_columns,
 )
@@ -150,7 +149,6 @@ class Batch:
         if np.count_nonzero(is_finite) < is_finite.size:
             wrong = int(is_finite.all(axis=1).argmin())
             raise InputError(f"{self.label(wrong)}: the observation is not finite: {array[wrong]}")
-        refuse_negative_distances(self.shape, array, self.label)
         fill_padded(self.observation_tiles, array.T)
 
     @property

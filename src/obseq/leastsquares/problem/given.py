@@ -14,7 +14,7 @@ from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import plain, real
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence, Set
+    from collections.abc import Iterator, Sequence, Set
 
     from numpy.typing import ArrayLike
 
@@ -85,15 +85,6 @@ def observation_rows(
             f"{shape.name}: observations have shape {array.shape}; expected ({n}, {width}){more}"
         )
     return array.reshape(n, width)
-
-
-def refuse_negative_distances(shape: Shape, given: FloatArray, label: Callable[[int], str]) -> None:
-    """Refuses values (n, m) of what a formula calls a distance that no points can have."""
-    for column in shape.columns:
-        values = given[:, column.first]
-        if column.name.startswith("distance") and values.min(initial=0.0) < 0.0:
-            row = int(values.argmin())
-            raise InputError(f"{label(row)}: the {column.name} {values[row]:g} is negative: no points fit it")
 
 
 def _numbers_by_name(shape: Shape, given: Mapping[str, ArrayLike], n: int) -> FloatArray:

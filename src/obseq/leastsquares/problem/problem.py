@@ -68,7 +68,6 @@ class Problem:
             formula: its name, or a loaded kernel.
             blocks: ids (n,) for each block of the formula; one id alone stands for all rows.
             observations: (n, m) what was measured, or (n,) when m is 1; None when the formula takes none.
-                What a formula calls a distance is not negative.
             sigmas: one number, (n,) or (n, n_residuals), positive, in the unit of the residuals.
             labels: (n,) what to call the observations in messages, or a function of their row.
             group: name under which sums of squares are kept; the formula's when None.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
+from obseq.project.options.option_values import number_at
 from obseq.project.options.spelling import Form, Option, Spelling, in_order, switch, value, values
 
 if TYPE_CHECKING:
@@ -28,6 +30,10 @@ def _parity(name: str, given: Value) -> list[str]:
 
 def _self_symmetric(name: str, given: Value) -> list[str]:
     return switch("--no-half-turns")(name, {"0": "1", "false": "1"}.get(str(given), "0"))
+
+
+def _angle(name: str, given: Value) -> list[str]:
+    return [f"--angle={math.degrees(number_at([given], 0, name))}"]
 
 
 def _drawn(name: str, given: Value) -> list[str]:
@@ -97,9 +103,17 @@ TARGETS = (
         "targets draw",
         "draws targets",
         (Form(("ENCODING",), lambda given: [given[0], "--format", "png"]),),
-        (Option("PatIm", "pattern of the names that are drawn", value("--names")),),
+        (
+            Option("PatIm", "pattern of the names that are drawn", value("--names")),
+            Option("ThW0", "width inside of the code, over the figure's radius", value("--inside")),
+            Option("ThCod", "width of the code", value("--code")),
+            Option("ThSepCar", "width from the code to the legend", value("--outside")),
+            Option("ThBExt", "width from the legend to the end of the sheet", value("--border")),
+            Option("Theta", "where chequers and bits begin, radians", _angle),
+            *_idle({"ThCar": "size of letters, which are fitted", "ZoomShow": "a drawing"}),
+        ),
         "CodedTargetGenerate CERN_Nbb14_Freq14_Hamm1_Run1000_1000_SpecEncoding.xml PatIm=00.",
-        "The geometry is that of the file, or of the family.",
+        "The geometry is that of the file, or of the family; its specification is written anew.",
     ),
     _extracting(
         "CodedTargetExtract",

@@ -76,6 +76,7 @@ def record_of(
         return Diagnosis(found, model, units).record()
     from obseq.survey.diagnosing.rewritings import best_rewriting
 
+    search.at_rest()
     trial = best_rewriting(model, begin, is_many=search.count > policy.few)
     rest = (
         None if trial is None else Diagnosis(diagnose(trial.model, policy, told), trial.model, units).record()
