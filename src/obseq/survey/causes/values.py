@@ -107,9 +107,9 @@ def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
     return _LENGTHS if kind.start in (Start.DISTANCE, Start.FLAT) else (*_LENGTHS, _SIGN)
 
 
-def are_feet(units: Units) -> bool:
-    """Whether the files are in feet."""
-    return units.written.length.factor != 1.0
+def is_possible(slip: str, units: Units) -> bool:
+    """Whether a slip can be: in files in feet nothing that is in feet is read as metres."""
+    return slip != "W106" or units.written.length.factor == 1.0
 
 
 def _sexagesimal(value: float) -> float:

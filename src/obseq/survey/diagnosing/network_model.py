@@ -224,6 +224,11 @@ class NetworkModel:
         return Evidence(effects, self.given.book.observations.values + residuals, *self._written)
 
     @property
+    def units(self) -> Units:
+        """In which values were written."""
+        return self._written[0]
+
+    @property
     def point_system(self) -> PointSystem:
         """Of the coordinates of points."""
         return self._written[1]

@@ -13,6 +13,7 @@ from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.survey.causes.rewriting import rewritten
+from obseq.survey.causes.values import is_possible
 from obseq.survey.initial.left_out import part_of
 
 if TYPE_CHECKING:
@@ -154,7 +155,8 @@ def _raced(model: NetworkModel, some: Iterable[Rewritten], begin: Begin, noise: 
         begin: Points and observations -> what can be computed of them, at initial values.
         noise: Contradictions that are none: once a trial leaves no more, only others as good are wanted.
     """
-    seen = sorted((one for one in map(partial(_glanced, model, begin), some) if one), key=itemgetter(0))
+    possible = (one for one in some if is_possible(one.slip, model.units))
+    seen = sorted((one for one in map(partial(_glanced, model, begin), possible) if one), key=itemgetter(0))
     trials: list[Trial] = []
     for left, one, other in seen[: POLICY.trials]:
         if trials and min(map(_price, trials)) < noise < left:
