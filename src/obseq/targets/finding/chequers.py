@@ -30,6 +30,8 @@ QUARTERS = np.array([0.25, 0.5, 0.75])
 AMID, RING = 0.55, 24
 """Share of the disc, and places there, whose mean is the middle between light and dark."""
 WRONG_BITS = "code of the set: bits that differ"
+CROWDED = 0.5
+"""Share of all patterns, one bit from a code, above which a mended name says less than chance."""
 TINY = 1e-9
 EITHER = 0.5
 """What a bit is before it is read, and its sigma: it has ink, or has none."""
@@ -119,8 +121,12 @@ def _bit_places(spec: Specification) -> FloatCubes:
 
 
 def mended(spec: Specification) -> int:
-    """Wrong bits of a code that are mended at most: no other code is as near then."""
-    return min(1, (spec.class_distance - 1) // 2)
+    """Wrong bits of a code that are mended at most: no other code is as near then.
+
+    None where most patterns are a code but for one bit, as with Hamming codes: any figure would have a name.
+    """
+    is_crowded = len(spec.turns) * (spec.bits + 1) > CROWDED * (1 << spec.bits)
+    return 0 if is_crowded else min(1, (spec.class_distance - 1) // 2)
 
 
 def read_bits(image: Array, spec: Specification, fit: Fit) -> list[Reading] | Unread:
