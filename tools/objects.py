@@ -75,7 +75,11 @@ LOOPS = {
     "obseq.leastsquares.solvers.minimum_degree": ("eliminate_least",),
     "obseq.leastsquares.solvers.numeric": ("factor_nodes", "factor_panel"),
     "obseq.leastsquares.solvers.schedule": ("assign_tasks", "place_fronts", "place_updates"),
-    "obseq.leastsquares.solvers.substitution": ("substitute_backward", "substitute_forward"),
+    "obseq.leastsquares.solvers.substitution": (
+        "quadratic_forms",
+        "substitute_backward",
+        "substitute_forward",
+    ),
     "obseq.leastsquares.solvers.symbolic": (
         "climb_rows",
         "place_entries",

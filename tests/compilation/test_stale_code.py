@@ -29,6 +29,13 @@ tile = np.zeros(4 * 40)
 gather_rows(tile, 0, 4, np.arange(128.0), np.arange(0, 128, 4, dtype=np.uint32), 0)
 print(tile.reshape(4, 40)[:, :3])
 """
+SPARSE = """
+import numpy as np
+from obseq.leastsquares.sparse import multiply
+result = np.zeros((1, 2))
+multiply(np.ones(1), np.zeros(1, np.int32), np.array([0, 1]), np.array([[3.0, 5.0]]), result)
+print(result)
+"""
 SOLVERS = """
 import numpy as np
 from obseq.leastsquares.solvers.blas import routine_addresses
@@ -135,6 +142,12 @@ BETWEEN = "next script\n"
 WITHOUT_COMPILER = "import sys\nsys.modules['numba'] = None\n"
 TURNED = "(builder, a, b, [0, 4, 2, 6])", "(builder, a, b, [4, 0, 6, 2])"
 CASES = {
+    "leastsquares": (
+        SPARSE,
+        "leastsquares/sparse.py",
+        "+= value * other[column, k]",
+        "-= value * other[column, k]",
+    ),
     "generated": (
         KERNELS,
         "kernels/functions.py",

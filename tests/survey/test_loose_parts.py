@@ -95,7 +95,7 @@ HELD_BY_ONE = {
     "heights": ("3 A 0 0 0 0.001\n0 B 100 0 0\n0 P 50 60 1\n", "Give a known point (flag 1"),
     "none": (
         "0 A 0 0 0\n0 B 100 0 0\n0 P 50 60 1\n",
-        "flag 1) with its sigma; or adjust without known points",
+        "Give at least one point of the point file as known",
     ),
 }
 OBSERVED = "3 A B 100 0.002\n3 A P 78.109 0.002\n3 B P 78.109 0.002\n4 A B 0 0.002\n4 A P 1 0.002\n"

@@ -133,7 +133,7 @@ def _seen_from(rng, name, places):
             yield "Dist", name, other, np.hypot(flat, up) + rng.normal(0.0, 2e-3), 2e-3
 
 
-@pytest.mark.parametrize("seed", [761, 1016, 1629, 3829, 4237])
+@pytest.mark.parametrize("seed", [211, 339, 425, 520, 761])
 def test_no_point_with_many_sights_is_lost_to_wrong_ones(seed):
     """Wrong sights elsewhere spoil sigma0: two places are told apart by what most residuals are."""
     network = _site(seed)

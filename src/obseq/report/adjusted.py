@@ -176,10 +176,12 @@ def _sigma0(record: AdjustmentRecord) -> Card | None:
     if test is None:
         value = "\u2013" if record.planned or record.sigma0 is None else significant(record.sigma0, 4)
         return Card("sigma0", value, note="nothing is measured yet" if record.planned else "not tested")
-    note, rest = "", record.diagnosis and record.diagnosis.sigma0
+    note, rest, beside = "", record.diagnosis and record.diagnosis.sigma0, ""
+    if record.sigma0 is not None and (own := significant(record.sigma0, 4)) != significant(test.sigma0, 4):
+        beside = f"; {own} of observations alone"
     if record.gross_errors:
         note = ("spoilt by" if rest is None else f"{rest:.3g} without") + " the suspected errors"
-    return sigma0_card(test, note)
+    return sigma0_card(test, note, beside)
 
 
 def _redundancy(record: AdjustmentRecord) -> Card:

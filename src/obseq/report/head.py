@@ -243,12 +243,12 @@ def misfit(test: GlobalTestRecord) -> str:
     return f"The residuals are too {size} for their sigmas: {told}."
 
 
-def sigma0_card(test: GlobalTestRecord, note: str) -> Card:
+def sigma0_card(test: GlobalTestRecord, note: str, beside: str = "") -> Card:
     """Sigma0 beside the interval of its test."""
     is_large, is_small = test.sigma0 > test.upper, test.sigma0 < test.lower
     tag = ("bad", "too large") if is_large else ("warn", "too small") if is_small else ("ok", "as expected")
     drawn = gauge(test.sigma0, test.lower, test.upper, "bad" if is_large else "warn")
-    note = note or f"{100 * (1 - test.level):g} % chi-square interval"
+    note = note or f"{100 * (1 - test.level):g} % chi-square interval{beside}"
     return Card("sigma0", significant(test.sigma0, 4), "expected 1", tag, drawn, note, Place("quality"))
 
 
