@@ -123,3 +123,19 @@ def test_tables_and_xml_are_counted_too(tmp_path, monkeypatch) -> None:
         read_xml(xml)
     assert f"read {table}: line 3 of 3" in said
     assert f"read {xml}: line 3 of 4" in said
+
+
+def test_blocks_in_text_are_counted_too(tmp_path, monkeypatch) -> None:
+    from obseq import stopwatch
+    from obseq.formats.colmap.model import lines
+    from obseq.reading import text
+    from obseq.stopwatch import Stopwatch
+
+    monkeypatch.setattr(stopwatch, "PERIOD", 0.0)
+    monkeypatch.setattr(text, "_STRIDE", 1)
+    said: list[str] = []
+    points = tmp_path / "points3D.txt"
+    points.write_text("# a list\n1 0 0 0\n2 0 0 1\n", encoding="utf-8")
+    with Stopwatch(said.append).counted("read"):
+        assert [number for number, _ in lines(points)] == [2, 3]
+    assert f"read {points}: line 3 of 3" in said

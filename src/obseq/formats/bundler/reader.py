@@ -15,6 +15,7 @@ from obseq.errors import InputError
 from obseq.formats.bal.reader import block_of_cameras, naming
 from obseq.formats.blocks.reading import note_count
 from obseq.reading.tables import number_in, text_of
+from obseq.reading.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +33,8 @@ class _Lines:
 
     def __init__(self, path: str | Path, text: str) -> None:
         self.path = path
-        kept = [(k, line.split()) for k, line in enumerate(text.splitlines(), 1) if line.strip() and k > 1]
+        lines = counted(path, text.splitlines())
+        kept = [(k, line.split()) for k, line in enumerate(lines, 1) if line.strip() and k > 1]
         self._numbers = [k for k, _ in kept]
         self.rows = [self._row(row, words) for row, (_, words) in enumerate(kept)]
 

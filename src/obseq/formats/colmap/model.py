@@ -12,7 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.colmap.models import MODELS
 from obseq.reading.tables import text_of
-from obseq.reading.text import read_bytes
+from obseq.reading.text import counted, read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -131,7 +131,7 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, ColmapCamera]]:
 def _text_images(path: Path) -> Iterator[ColmapImage]:
     rows = [
         (number, line.split())
-        for number, line in enumerate(text_of(path).splitlines(), 1)
+        for number, line in enumerate(counted(path, text_of(path).splitlines()), 1)
         if not line.startswith("#")
     ]
     if len(rows) % 2 and rows and not rows[-1][1]:
@@ -153,7 +153,7 @@ def _text_images(path: Path) -> Iterator[ColmapImage]:
 
 def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     """The words of the lines of a text that are no comments."""
-    for number, line in enumerate(text_of(path).splitlines(), 1):
+    for number, line in enumerate(counted(path, text_of(path).splitlines()), 1):
         if line.strip() and not line.startswith("#"):
             yield number, line.split()
 

@@ -20,6 +20,7 @@ from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.reading.origin import Origin
 from obseq.reading.tables import number_in, text_of
+from obseq.reading.text import counted
 from obseq.reading.xml import Element, read_xml
 
 if TYPE_CHECKING:
@@ -165,7 +166,7 @@ def _read(element: Element, folder: Path) -> _Rows:
     if not element.plain or columns == ("",):
         raise element.problem("it needs the name of a file, and format with the names of its columns")
     rows, lines = [], []
-    for index, line in enumerate(text_of(place).splitlines(), 1):
+    for index, line in enumerate(counted(place, text_of(place).splitlines()), 1):
         fields = tuple(word.strip() for word in line.partition("#")[0].split(","))
         if fields == ("",):
             continue

@@ -21,6 +21,7 @@ from obseq.geometry import RigidMotion, rotations_from
 from obseq.images.camera import Camera
 from obseq.images.poses import Poses
 from obseq.reading.tables import text_of
+from obseq.reading.text import counted
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -62,7 +63,8 @@ class _Lines:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._lines = [(n, line) for n, line in enumerate(text_of(path).split("\n"), 1) if line.strip()]
+        lines = counted(path, text_of(path).split("\n"))
+        self._lines = [(n, line) for n, line in enumerate(lines, 1) if line.strip()]
         self._next = 0
 
     def left(self) -> bool:

@@ -22,6 +22,7 @@ from obseq.formats.opensfm.world import add_ground_points, add_positions
 from obseq.geometry import RigidMotion, exponential
 from obseq.images.poses import Poses
 from obseq.reading.tables import text_of
+from obseq.reading.text import counted
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
@@ -123,7 +124,7 @@ def _tracks(path: Path) -> list[tuple[str, str, float, float]]:
             raise InputError(f"{path}:1: tracks of version {word[:20]!r} are not read; 1 and 2 are")
         version = 1
     found = []
-    for number, line in enumerate(lines, 1 + version):
+    for number, line in enumerate(counted(path, lines), 1 + version):
         if not line:
             continue
         fields = line.split("\t")
