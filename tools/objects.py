@@ -102,8 +102,16 @@ LOOPS = {
         "smooth",
     ),
     "obseq.targets.finding.light_spots": ("above_mean", "spots", "stand_out"),
+    "obseq.targets.finding.spot_edges": ("edge_ellipses", "light_share", "ring_bits"),
     "obseq.targets.drawing.painting": ("bit_sums", "paint", "paint_places", "smooth_table"),
-    "obseq.targets.drawing.rendering": ("layers", "observe", "render", "spread"),
+    "obseq.targets.drawing.rendering": (
+        "blur_layers",
+        "layers",
+        "normal_equations",
+        "observe",
+        "render",
+        "spread",
+    ),
 }
 """Every loop that Python calls; the others are parts of them."""
 

@@ -11,7 +11,6 @@ from obseq.project import points_text, read_image_measures, write_orientation
 from obseq.project.tree import read_tree, tree_text
 from obseq.targets import Conditions, Scene, made, photograph, random_sheets
 from obseq.targets.circles import radii_of, refined
-from obseq.targets.finding.rings import fitted_ellipse
 from obseq.targets.measures import Measure, mmvii_text, read_ellipses, read_mmvii
 from obseq.targets.pictures import png_bytes
 
@@ -78,9 +77,13 @@ def circle(place: np.ndarray, radius: float, pose) -> tuple[np.ndarray, np.ndarr
     """The ellipse that a horizontal circle is in the image."""
     turns = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False)
     around = place + radius * np.column_stack((np.cos(turns), np.sin(turns), 0.0 * turns))
-    found = fitted_ellipse(CAMERA.project(pose.to_local(around)))
-    assert found is not None
-    return found[0], found[1] @ found[1].T
+    pixels = CAMERA.project(pose.to_local(around))
+    mean = pixels.mean(axis=0)
+    x, y = (pixels - mean).T
+    a, b, c, d, e = np.linalg.lstsq(np.column_stack((x * x, x * y, y * y, x, y)), np.ones(90), rcond=None)[0]
+    conic = np.array([[a, 0.5 * b], [0.5 * b, c]])
+    middle = np.linalg.solve(2.0 * conic, [-d, -e])
+    return mean + middle, np.linalg.inv(conic) * (1.0 + middle @ conic @ middle)
 
 
 def test_spots_get_names_and_true_centres(tmp_path, monkeypatch, capsys) -> None:  # type: ignore[no-untyped-def]

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from obseq.compilation import compiled
 from obseq.targets.drawing.painting import Figure, bit_of, ink_at
 
@@ -46,6 +48,15 @@ class Region(NamedTuple):
     rows_end: float
 
 
+def lattice(count: int, generator: int) -> FloatRows:
+    """(count, 2) places in a pixel, from its middle.
+
+    Each has its own column and line, so that edges along those of the image are not seen in steps.
+    """
+    k = np.arange(count)
+    return (np.column_stack((k, k * generator % count)) + 0.5) / count - 0.5
+
+
 @compiled
 def counts(region: Region, x: float, y: float) -> bool:
     """Whether a place of the drawing counts."""
@@ -59,9 +70,8 @@ def counts(region: Region, x: float, y: float) -> bool:
 
 
 @compiled
-def table_at(table: FloatRows, grid: FloatArray, x: float, y: float) -> float:
-    """The share of ink at a place, between the cells of a table; 0 outside it."""
-    u, v = grid[0] + x * grid[2], grid[1] + y * grid[2]
+def _cell_at(table: FloatRows, u: float, v: float) -> float:
+    """The share of ink between the cells of a table; 0 outside it."""
     i, j = math.floor(u), math.floor(v)
     if i < 0 or j < 0 or i + 1 >= table.shape[1] or j + 1 >= table.shape[0]:
         return 0.0
@@ -92,32 +102,38 @@ def render(
     grid: FloatArray,
     place: FloatArray,
     corner: FloatArray,
-    samples: int,
-    generator: int,
+    within: FloatRows,
     out: FloatRows,
 ) -> None:
     """The drawing as a camera without blur sees it: the mean over each pixel.
+
+    Within a pixel the drawing is seen by an affinity: what is left out is less than a thousandth of a pixel.
 
     Args:
         table: shares of ink.
         grid: (3,) column and line of the middle of the figure in the table, and cells in a unit.
         place: (10,).
         corner: (2,) of the window.
-        samples: in a pixel.
-        generator: of their lattice: each has its own column and line, so that edges along those of the image
-            are not seen in steps.
+        within: (samples, 2) places in a pixel, from its middle.
         out: (height, width) written.
     """
+    samples, left, middle, top, cells = len(within), grid[0], corner[0], grid[1], grid[2]
     for j in range(out.shape[0]):
+        line = corner[1] + j
+        x, y, depth = drawn_at(place, middle, line)
         for i in range(out.shape[1]):
+            along_x, along_y, next_depth = drawn_at(place, middle + i + 1.0, line)
+            down_x, down_y, down_depth = drawn_at(place, middle + i, line + 1.0)
             total = 0.0
-            for k in range(samples):
-                u = corner[0] + i + (k + 0.5) / samples - 0.5
-                v = corner[1] + j + ((k * generator) % samples + 0.5) / samples - 0.5
-                x, y, depth = drawn_at(place, u, v)
-                if depth > NEAREST:
-                    total += table_at(table, grid, x, y)
+            if min(depth, next_depth, down_depth) > NEAREST:
+                a, b, c, d = along_x - x, down_x - x, along_y - y, down_y - y
+                for k in range(samples):
+                    u, v = within[k, 0], within[k, 1]
+                    total += _cell_at(
+                        table, left + cells * (x + a * u + b * v), top + cells * (y + c * u + d * v)
+                    )
             out[j, i] = total / samples
+            x, y, depth = along_x, along_y, next_depth
 
 
 @compiled
@@ -233,3 +249,53 @@ def layers(
                     out[bit, j, i] += part
                 else:
                     out[bits, j, i] += part * ink_at(figure, bits, 0, x, y)
+
+
+@compiled
+def blur_layers(sharp: FloatCubes, weights: FloatArray, lines: FloatRows, out: FloatCubes) -> None:
+    """Images as a point spread shows them.
+
+    Args:
+        sharp: (n, height + 2 k, width + 2 k).
+        weights: (2 k + 1,) of the point spread.
+        lines: (height + 2 k, width) work space.
+        out: (n, height, width) written.
+    """
+    reach, height, width = len(weights), out.shape[1], out.shape[2]
+    for layer in range(len(out)):
+        for j in range(sharp.shape[1]):
+            for i in range(width):
+                lines[j, i] = 0.0
+            for k in range(reach):
+                add_row(lines[j, :], weights[k], sharp[layer, j, k : k + width])
+        for j in range(height):
+            for i in range(width):
+                out[layer, j, i] = 0.0
+            for k in range(reach):
+                add_row(out[layer, j, :], weights[k], lines[j + k, :])
+
+
+@compiled
+def add_row(row: FloatArray, share: float, other: FloatArray) -> None:
+    """Adds a share of one row to another."""
+    for i in range(len(row)):
+        row[i] += share * other[i]
+
+
+@compiled
+def normal_equations(rows: FloatRows, right: FloatArray, normal: FloatRows, sums: FloatArray) -> None:
+    """The normal equations of some rows: BLAS would wake threads, which cost more than they do.
+
+    Args:
+        rows: (n, k).
+        right: (n,).
+        normal: (k, k) written: rows' rows.
+        sums: (k,) written: rows' right.
+    """
+    normal[:] = 0.0
+    sums[:] = 0.0
+    for n in range(len(rows)):
+        row = rows[n, :]
+        add_row(sums, right[n], row)
+        for i in range(len(row)):
+            add_row(normal[i, :], row[i], row)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.targets.finding.detection import discs, saddle_strength, saddles, smooth
+from obseq.targets.finding.detection import RING, discs, saddle_strength, saddles, smooth
 from obseq.targets.finding.figures import MOST_PLACES, UNKNOWNS, fit_discs
 from obseq.targets.finding.light_spots import above_mean, spots, stand_out
+from obseq.targets.finding.spot_edges import CONIC, RAYS, edge_ellipses
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatRows
@@ -19,6 +20,8 @@ SMOOTHING = 1.2
 """Sigma of the smoothing before saddles are looked for, pixels."""
 LIGHTLY = 0.7
 """And before spots are."""
+WAYS = np.column_stack([turn(np.arange(2 * RING) * math.pi / RING) for turn in (np.cos, np.sin)])
+"""Directions all around."""
 CIRCLE = 3.5
 """Radius of the circle around a saddle: the smallest figure of a level is somewhat larger."""
 SURE = 4.0
@@ -27,6 +30,8 @@ SQUARE = 10
 """Half the side of the square whose mean a spot exceeds: it holds a spot and what is dark around it."""
 SPOT_AREAS = (9, 320)
 """Pixels of the smallest and the largest spot of a level; larger ones are found at the next."""
+LEAST_MOMENT = 0.1
+"""Second moment of the narrowest spot, pixels squared: that of a pixel is 0.08."""
 RADII = np.array([2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0])
 """Of the circles on which the directions of crossing lines are taken, pixels, as far as they go on."""
 FARTHEST = 34.0
@@ -48,10 +53,10 @@ def gaussian(sigma: float) -> FloatRows:
 
 
 def find_discs(level: Level, sign: float, gap: float) -> FloatRows:
-    """(n, 10) chequered discs of a level; the strongest first.
+    """(n, 11) chequered discs of a level; the strongest first.
 
-    x, y, strength, dark and light level around, the angle at which light turns dark, by how much further dark
-    turns light, and the ellipse `p' q p = 1` of the disc: q11, q12, q22.
+    x, y, strength, dark and light level, the angle at which light turns dark, by how much further dark turns
+    light, the ellipse `p' q p = 1` of the disc: q11, q12, q22, and the point spread. Levels have the sign.
 
     Args:
         level: of the image.
@@ -65,34 +70,41 @@ def find_discs(level: Level, sign: float, gap: float) -> FloatRows:
 def _tile_discs(tile: Tile, noise: float, sign: float, gap: float) -> FloatRows:
     found = _tile_saddles(tile, noise)
     shapes = np.empty((len(found), 5))
-    discs(tile.image, sign, noise, RADII, FARTHEST, found, shapes)
-    found = np.column_stack((found, shapes))[np.isfinite(shapes[:, 0])]
-    share, rooms = np.empty(len(found)), [(MOST_PLACES, UNKNOWNS), (3, UNKNOWNS), (UNKNOWNS, UNKNOWNS)]
+    discs(tile.image, sign, noise, RADII, WAYS, FARTHEST, found, shapes)
+    found = np.column_stack((found, shapes, np.empty(len(found))))[np.isfinite(shapes[:, 0])]
+    rows = (MOST_PLACES, UNKNOWNS)
+    rooms = [rows, rows, MOST_PLACES, (3, UNKNOWNS), (UNKNOWNS, UNKNOWNS)]
+    share = np.empty(len(found))
     fit_discs(tile.image, sign, noise, gap, found, share, *map(np.empty, rooms))
-    found = found[share > LIKELY]
     found[:, :2] += np.array([tile.left, tile.top])
-    return found[tile.owns(found[:, 0], found[:, 1])]
+    return found[share > LIKELY]
 
 
 def _tile_saddles(tile: Tile, noise: float) -> FloatRows:
-    """(n, 5) as `saddles` writes them."""
+    """(n, 5) its own, as `saddles` writes them."""
     after = noise / (2.0 * math.sqrt(math.pi) * SMOOTHING)
     least = (SURE * after / (2.0 * SMOOTHING**2)) ** 2
     work, smoothed = np.empty_like(tile.image), np.empty_like(tile.image)
     smooth(tile.image, gaussian(SMOOTHING), work, smoothed)
     saddle_strength(smoothed, work)
-    out = np.empty((MOST, 5))
-    return out[: saddles(smoothed, work, least, 2.0 * SURE * after, CIRCLE, 6, out)]
+    out, circle = np.empty((MOST, 5)), np.column_stack((CIRCLE * WAYS[::2], np.empty(RING)))
+    found = out[: saddles(smoothed, work, least, 2.0 * SURE * after, circle, 6, out)]
+    return found[tile.owns(found[:, :2])]
 
 
 def find_spots(level: Level, sign: float) -> FloatRows:
-    """(n, 7) spots of a level: x, y, moments xx, xy, yy, dark level around and light level inside.
+    """(n, 8) elliptic spots of a level, in pixels of the image.
+
+    x, y, both half axes (x and y of the first, of the second), dark level around and light level inside.
 
     Args:
         level: of the image.
         sign: 1 for light spots, -1 for dark ones: levels have that sign then.
     """
-    return np.vstack([_tile_spots(tile, level.noise, sign) for tile in level.tiles()])
+    found = np.vstack([_tile_spots(tile, level.noise, sign) for tile in level.tiles()])
+    found[:, :2] = level.in_image(found[:, :2])
+    found[:, 2:6] *= level.scale
+    return found
 
 
 def _tile_spots(tile: Tile, noise: float, sign: float) -> FloatRows:
@@ -104,9 +116,20 @@ def _tile_spots(tile: Tile, noise: float, sign: float) -> FloatRows:
     least = SURE * noise / (2.0 * math.sqrt(math.pi) * LIGHTLY)
     above_mean(smoothed, SQUARE, least, np.empty(width + 1), marks)
     found = np.empty((MOST, 6))
-    n = spots(marks, np.empty(height * width, dtype=np.int64), *SPOT_AREAS, found)
-    levels = np.empty((n, 2))
-    stand_out(smoothed, found[:n], levels)
-    rows = np.column_stack((found[:n, :5] + np.array([tile.left, tile.top, 0.0, 0.0, 0.0]), levels))
-    rows = rows[levels[:, 1] > levels[:, 0]]
-    return rows[tile.owns(rows[:, 0], rows[:, 1])]
+    found = found[: spots(marks, np.empty(height * width, dtype=np.int64), *SPOT_AREAS, found)]
+    found = found[tile.owns(found[:, :2])]
+    levels = np.empty((len(found), 2))
+    stand_out(smoothed, found, levels)
+    found = np.column_stack((found[:, :2], _half_axes(found[:, 2:5]), levels))
+    found = found[levels[:, 1] > levels[:, 0]]
+    edge_ellipses(image, 1.0, np.empty((CONIC + 2, RAYS)), found)
+    found[:, :2] += np.array([tile.left, tile.top])
+    return found[np.isfinite(found[:, 0])]
+
+
+def _half_axes(moments: FloatRows) -> FloatRows:
+    """(n, 4) two half axes of the ellipses whose second moments (n, 3) are xx, xy, yy."""
+    xx, xy, yy = moments.T
+    first = 2.0 * np.sqrt(xx)
+    across = 2.0 * np.sqrt(np.maximum(yy - xy * xy / xx, LEAST_MOMENT))
+    return np.column_stack((first, 4.0 * xy / first, np.zeros(len(xx)), across))

@@ -10,8 +10,8 @@ import numpy as np
 
 from obseq.targets.codes import counted
 from obseq.targets.drawing.drawings import figure_of, row_box
-from obseq.targets.drawing.rendering import layers
-from obseq.targets.finding.figures import BLUR
+from obseq.targets.drawing.rendering import blur_layers, layers, normal_equations
+from obseq.targets.finding.candidates import gaussian
 from obseq.targets.finding.fits import Placed
 from obseq.targets.finding.levels import sampled
 from obseq.targets.finding.measuring import FOREIGN, outer_places, region_of
@@ -27,8 +27,6 @@ ACROSS = 12
 """Pixels of a unit that are enough to read bits: more are put together."""
 QUARTERS = np.array([0.25, 0.5, 0.75])
 """Of the sides of a bit: where it is looked at."""
-AMID, RING = 0.55, 24
-"""Share of the disc, and places there, whose mean is the middle between light and dark."""
 WRONG_BITS = "code of the set: bits that differ"
 CROWDED = 0.5
 """Share of all patterns, one bit from a code, above which a mended name says less than chance."""
@@ -37,26 +35,38 @@ EITHER = 0.5
 """What a bit is before it is read, and its sigma: it has ink, or has none."""
 
 
-def chequered_discs(
-    level: Level, spec: Specification, discs: FloatRows, sign: float
-) -> tuple[list[Placed], IntArray]:
-    """How the drawing of a set lies in the image where discs are, and the bits that are wrong (n,), roughly.
+class Rough(NamedTuple):
+    """Targets as they are seen before anything is fitted to the image.
+
+    Attributes:
+        places: (n,) how the drawing lies in the image.
+        wrong: (n,) bits that differ from those of the nearest target.
+        off: (n,) root mean square of how much the bits differ from what is drawn there, in contrasts.
+    """
+
+    places: list[Placed]
+    wrong: IntArray
+    off: FloatArray
+
+
+def chequered_discs(level: Level, spec: Specification, discs: FloatRows, sign: float) -> Rough:
+    """The targets of a set whose discs these may be.
 
     Discs of which it would be a mirror image are left out.
 
     Args:
         level: where the discs were found.
         spec: the set.
-        discs: (n, 10) as `find_discs` gives them.
+        discs: (n, 11) as `find_discs` gives them.
         sign: 1, or -1 for light and dark exchanged.
     """
     matrices = _affinities(spec, discs)
     matrices, discs = (part[np.linalg.det(matrices) > 0.0] for part in (matrices, discs))
     places = [
-        Placed(place, level.scale * matrix, np.zeros(2), 1.0, np.zeros(2))
-        for place, matrix in zip(level.in_image(discs[:, :2]), matrices, strict=True)
+        Placed(place, level.scale * matrix, np.zeros(2), level.scale * sigma, np.zeros(2))
+        for place, matrix, sigma in zip(level.in_image(discs[:, :2]), matrices, discs[:, 10], strict=True)
     ]
-    return places, _wrong_bits(level.image, spec, discs, matrices, sign)
+    return Rough(places, *_rough_bits(level.image, spec, discs, matrices, sign))
 
 
 def _affinities(spec: Specification, discs: FloatRows) -> FloatCubes:
@@ -74,35 +84,31 @@ def _affinities(spec: Specification, discs: FloatRows) -> FloatCubes:
     return found
 
 
-def _wrong_bits(
+def _rough_bits(
     image: Array, spec: Specification, discs: FloatRows, matrices: FloatCubes, sign: float
-) -> IntArray:
-    """(n,) in how many bits the grey levels differ from those of the nearest target.
+) -> tuple[IntArray, FloatArray]:
+    """(n,) in how many bits the grey levels differ from those of the nearest target, and by how much in all.
 
-    What is darker than half of what ink is there has ink: as dark as in the disc, where the bit is wider than
-    the point spread.
+    Ink is as dark as in the disc, where a bit is wider than the point spread; else as much paler as that says.
     """
-
-    def means(places: FloatRows) -> FloatArray:
-        """(n,) mean grey levels at some places of the drawing."""
-        pixels = discs[:, None, :2] + np.einsum("nij,kj->nki", matrices, places)
-        found: FloatArray = sign * sampled(image, pixels[..., 0], pixels[..., 1]).mean(axis=1)
-        return found
-
     places = _bit_places(spec)
-    turns = 2.0 * math.pi * (np.arange(RING) + 0.5) / RING
-    middle = means(AMID * np.column_stack((np.cos(turns), np.sin(turns))))
     width = 2.0 * np.linalg.norm(places[:, 2] - places[:, 0], axis=1).min()
-    widths = width * np.sqrt(np.linalg.det(matrices)) / (2.0 * math.sqrt(2.0) * BLUR)
-    pale = 1.0 - np.array([math.erf(one) for one in widths.tolist()])
-    middle += 0.5 * pale * (discs[:, 4] - discs[:, 3])
+    widths = width * np.sqrt(np.linalg.det(matrices)) / (2.0 * math.sqrt(2.0) * discs[:, 10])
+    full = np.array([math.erf(one) for one in widths.tolist()])
+    light, contrast = discs[:, 4], (discs[:, 4] - discs[:, 3]) * full
     known = np.array(list(spec.turns), dtype=np.int64)
-    found = np.full(len(discs), spec.bits)
+    found, least = np.full(len(discs), spec.bits), np.full(len(discs), math.inf)
     for way in (1.0,) if spec.frequency % 2 == 0 else (1.0, -1.0):
-        inked = np.array([means(way * there) < middle for there in places])
-        codes = (1 << np.arange(spec.bits)) @ (inked == spec.geometry.zero_is_sheet)
-        found = np.minimum(found, counted(codes[:, None] ^ known).min(axis=1))
-    return found
+        pixels = discs[:, None, None, :2] + np.einsum("nij,bkj->nbki", way * matrices, places)
+        grey = sign * sampled(image, pixels[..., 0], pixels[..., 1]).mean(axis=2)
+        ink = (light[:, None] - grey) / contrast[:, None]
+        has_ink = ink > EITHER
+        codes = (has_ink == spec.geometry.zero_is_sheet) @ (1 << np.arange(spec.bits))
+        wrong = counted(codes[:, None] ^ known).min(axis=1)
+        off = np.sqrt(np.mean((ink - has_ink) ** 2, axis=1))
+        is_better = (wrong < found) | ((wrong == found) & (off < least))
+        found, least = np.where(is_better, wrong, found), np.where(is_better, off, least)
+    return found, least
 
 
 def _bit_places(spec: Specification) -> FloatCubes:
@@ -198,26 +204,20 @@ def bit_ink(image: Array, spec: Specification, placed: Placed, fit: Fit) -> Ink 
     )
     sharp = np.empty((bits + 6, lines + 2 * k, columns + 2 * k))
     layers(figure_of(spec), bits, region, place, 3, sharp)
-    parts = _blur(lines, k, sigma) @ sharp[:-1] @ _blur(columns, k, sigma).T
+    parts = np.empty((bits + 5, lines, columns))
+    blur_layers(sharp[:-1], gaussian(sigma), np.empty((lines + 2 * k, columns)), parts)
     inside = sharp[-1, k : k + lines, k : k + columns] > 0.0
     y, x = np.nonzero(inside)
     design = np.column_stack((np.ones(len(x)), x - x.mean(), y - y.mean(), parts[:, inside].T))
     prior = np.r_[np.zeros(3), np.full(bits + 5, EITHER * fit.gain)]
     certain = np.r_[np.full(3, TINY), np.full(bits + 5, (fit.sigma0 / (EITHER * fit.gain)) ** 2)]
-    normal = design.T @ design + np.diag(certain)
-    solved = prior + np.linalg.solve(normal, design.T @ (grey[inside] - design @ prior))
+    normal, sums = np.empty((bits + 8, bits + 8)), np.empty(bits + 8)
+    normal_equations(design, grey[inside], normal, sums)
+    solved = prior + np.linalg.solve(normal + np.diag(certain), sums - normal @ prior)
     ink: FloatArray = solved[3 : 3 + bits] / solved[3 + bits]
     drawn = np.r_[solved[:3], (ink > EITHER) * solved[3 + bits], solved[3 + bits :]]
-    off = np.abs(grey[inside] - design @ drawn)
+    off = np.abs(grey[inside] - np.einsum("nk,k->n", design, drawn))
     return Ink(ink, float(np.mean(off > FOREIGN * abs(fit.gain))))
-
-
-def _blur(count: int, k: int, sigma: float) -> FloatRows:
-    """(count, count + 2 k) the weights with which a point spread adds up samples."""
-    away = np.arange(count + 2 * k) - k - np.arange(count)[:, None]
-    weights = np.exp(-0.5 * (away / sigma) ** 2) * (np.abs(away) <= k)
-    found: FloatRows = weights / weights.sum(axis=1, keepdims=True)
-    return found
 
 
 def _turned(

@@ -45,29 +45,45 @@ def smooth(image: FloatRows, taps: FloatArray, work: FloatRows, out: FloatRows) 
 
     Args:
         image: (height, width).
-        taps: (2 k + 1,) weights.
+        taps: (2 k + 1,) weights, alike on both sides.
         work: (height, width) overwritten.
         out: (height, width) written.
     """
     height, width = image.shape
     k = len(taps) // 2
+    end = width - k
     for j in range(height):
-        for i in range(width):
-            work[j, i] = image[j, i]
-            out[j, i] = image[j, i]
-        for i in range(k, width - k):
-            work[j, i] = 0.0
-        for n in range(len(taps)):
-            weight = taps[n]
-            for i in range(k, width - k):
-                work[j, i] += weight * image[j, i + n - k]
-    for j in range(k, height - k):
-        for i in range(k, width - k):
-            out[j, i] = 0.0
-        for n in range(len(taps)):
-            weight = taps[n]
-            for i in range(k, width - k):
-                out[j, i] += weight * work[j + n - k, i]
+        row, line = image[j, :], work[j, k:end]
+        for i in range(end - k):
+            line[i] = taps[k] * row[k + i]
+        for m in range(1, k + 1, 2):
+            n = min(m + 1, k)
+            far = taps[k + n] if n > m else 0.0
+            pairs = row[k - m : end - m], row[k + m : end + m], row[k - n : end - n], row[k + n : end + n]
+            _add_pairs(*pairs, taps[k + m], far, line)
+    for j in range(height):
+        is_edge = j < k or j >= height - k
+        for i in range(width if is_edge else k):
+            out[j, i], out[j, width - 1 - i] = image[j, i], image[j, width - 1 - i]
+        if is_edge:
+            continue
+        line, middle = out[j, k:end], work[j, k:end]
+        for i in range(end - k):
+            line[i] = taps[k] * middle[i]
+        for m in range(1, k + 1, 2):
+            n = min(m + 1, k)
+            far = taps[k + n] if n > m else 0.0
+            pairs = work[j - m, k:end], work[j + m, k:end], work[j - n, k:end], work[j + n, k:end]
+            _add_pairs(*pairs, taps[k + m], far, line)
+
+
+@compiled
+def _add_pairs(
+    a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, near: float, far: float, out: FloatArray
+) -> None:
+    """Adds the sums of two pairs of rows, each with a weight."""
+    for i in range(len(out)):
+        out[i] += near * (a[i] + b[i]) + far * (c[i] + d[i])
 
 
 @compiled
@@ -109,7 +125,7 @@ def saddles(
     strength: FloatRows,
     least: float,
     contrast: float,
-    radius: float,
+    circle: FloatRows,
     margin: int,
     out: FloatRows,
 ) -> int:
@@ -120,8 +136,8 @@ def saddles(
         strength: (height, width) as `saddle_strength` writes it.
         least: strength below which nothing is looked at.
         contrast: least difference of light and dark on the circle.
-        radius: of the circle, pixels.
-        margin: pixels along the edges that are not looked at.
+        circle: (`RING`, 3) places on it around a saddle, in turn: x and y, pixels; the rest is overwritten.
+        margin: pixels along the edges that are not looked at: the circle does not go there.
         out: (most, 5) written: x, y, strength, dark and light level.
 
     Returns:
@@ -145,7 +161,7 @@ def saddles(
                 and here >= strength[j + 1, i + 1]
             ):
                 continue
-            if _alternates(image, i, j, radius, contrast, out, n):
+            if _alternates(image, i, j, circle, contrast, out[n]):
                 out[n, 2] = here
                 n += 1
                 if n == len(out):
@@ -155,7 +171,7 @@ def saddles(
 
 @compiled
 def _alternates(
-    image: FloatRows, i: int, j: int, radius: float, contrast: float, out: FloatRows, n: int
+    image: FloatRows, i: int, j: int, circle: FloatRows, contrast: float, out: FloatArray
 ) -> bool:
     """Whether light and dark alternate four times around a pixel; its place and levels are written."""
     xx = image[j, i + 1] - 2.0 * image[j, i] + image[j, i - 1]
@@ -171,24 +187,21 @@ def _alternates(
     y += j
     low, high = 1e30, -1e30
     for k in range(RING):
-        turn = 2.0 * math.pi * k / RING
-        value = between(image, x + radius * math.cos(turn), y + radius * math.sin(turn))
+        value = between(image, x + circle[k, 0], y + circle[k, 1])
+        circle[k, 2] = value
         low, high = min(low, value), max(high, value)
     if high - low < contrast:
         return False
     middle, changes, unlike = 0.5 * (low + high), 0, 0.0
-    last = between(image, x + radius, y) > middle
-    for k in range(1, RING + 1):
-        turn = 2.0 * math.pi * k / RING
-        value = between(image, x + radius * math.cos(turn), y + radius * math.sin(turn))
-        other = between(image, x - radius * math.cos(turn), y - radius * math.sin(turn))
-        unlike += (value - other) * (value - other)
-        if (value > middle) != last:
-            changes += 1
-            last = not last
+    last = circle[RING - 1, 2]
+    for k in range(RING):
+        value, opposite = circle[k, 2], circle[(k + RING // 2) % RING, 2]
+        changes += (value > middle) != (last > middle)
+        unlike += (value - opposite) ** 2
+        last = value
     if changes != 4 or unlike > UNLIKE * RING * (high - low) * (high - low):
         return False
-    out[n, 0], out[n, 1], out[n, 3], out[n, 4] = x, y, low, high
+    out[0], out[1], out[3], out[4] = x, y, low, high
     return True
 
 
@@ -198,6 +211,7 @@ def discs(
     sign: float,
     noise: float,
     radii: FloatArray,
+    ways: FloatRows,
     farthest: float,
     found: FloatRows,
     shapes: FloatRows,
@@ -213,6 +227,7 @@ def discs(
         sign: 1, or -1 for light and dark exchanged.
         noise: standard deviation of a pixel.
         radii: (k,) of the circles on which the lines are looked for, pixels.
+        ways: (2 `RING`, 2) directions all around, in turn.
         farthest: the end is not looked for farther off, pixels.
         found: (n, 5) as `saddles` writes them.
         shapes: (n, 5) written: where light turns dark, clockwise on the page, by how much further dark turns
@@ -224,7 +239,7 @@ def discs(
         first = second = begin = span = 0.0
         reach = SURELY
         for _ in range(2):
-            begin, span = _crossing(image, sign, x, y, middle, radii, reach)
+            begin, span = _crossing(image, sign, x, y, middle, radii, ways, reach)
             if not NARROWEST < span < math.pi - NARROWEST:
                 break
             first = _length(image, sign, noise, x, y, begin, farthest)
@@ -243,7 +258,14 @@ def discs(
 
 @compiled
 def _crossing(
-    image: FloatRows, sign: float, x: float, y: float, middle: float, radii: FloatArray, reach: float
+    image: FloatRows,
+    sign: float,
+    x: float,
+    y: float,
+    middle: float,
+    radii: FloatArray,
+    ways: FloatRows,
+    reach: float,
 ) -> tuple[float, float]:
     """The directions of the two lines that cross at a saddle: the first, and the angle between them.
 
@@ -263,12 +285,11 @@ def _crossing(
         fx = fy = rx = ry = 0.0
         last = sign * (between(image, x + radius, y) - middle)
         for k in range(1, 2 * RING + 1):
-            turn = math.pi * k / RING
-            value = between(image, x + radius * math.cos(turn), y + radius * math.sin(turn))
-            value = sign * (value - middle)
+            way = k % (2 * RING)
+            value = sign * (between(image, x + radius * ways[way, 0], y + radius * ways[way, 1]) - middle)
             if (value > 0.0) != (last > 0.0):
                 changes += 1
-                angle = 2.0 * (turn - math.pi / RING * value / (value - last))
+                angle = 2.0 * math.pi / RING * (k - value / (value - last))
                 if last > 0.0:
                     fx += math.cos(angle)
                     fy += math.sin(angle)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.temporaries import backward, factor_group, forward
+from obseq.targets.drawing.rendering import normal_equations
 from obseq.targets.finding.detection import between
 
 if TYPE_CHECKING:
@@ -25,8 +26,9 @@ INTERPOLATED = 4.0 / 9.0
 """Mean variance of a place between pixels, over that of a pixel."""
 HALF = 0.5
 """Share from which on a disc is fitted at all: whatever explains less is nearer to nothing."""
-STEPS = 3
-"""Of the fit at most: from the ends of its lines, a disc that is tilted by 70 degrees needs three."""
+STEPS, ENOUGH = 3, 0.005
+"""Of the fit at most: from the ends of its lines, a disc that is tilted by 70 degrees needs three; none follows
+one by which it explains hardly more."""
 LONGEST = 0.3
 """Share of the disc by which a step changes it at most: by more, its quadrants are others."""
 UNKNOWNS = 9
@@ -44,6 +46,8 @@ def fit_discs(
     found: FloatRows,
     share: FloatArray,
     work: FloatRows,
+    slopes: FloatRows,
+    residuals: FloatArray,
     discs: FloatRows,
     normal: FloatRows,
 ) -> None:
@@ -57,10 +61,13 @@ def fit_discs(
         sign: 1, or -1 for light and dark exchanged.
         noise: standard deviation of a pixel.
         gap: width of the sheet between a disc and its code, in radii of the disc.
-        found: (n, 10): x, y, strength, dark and light level, where light turns dark, by how much further dark
-            turns light, and the ellipse q11, q12, q22; the place and the shape are written anew.
+        found: (n, 11): x, y, strength, dark and light level, where light turns dark, by how much further dark
+            turns light, the ellipse q11, q12, q22, and the point spread; all but the strength is written anew,
+            levels with the sign of light and dark.
         share: (n,) written: of the grey variance, but for noise, that a disc explains.
         work: (`MOST_PLACES`, 9) overwritten.
+        slopes: (`MOST_PLACES`, `UNKNOWNS`) overwritten.
+        residuals: (`MOST_PLACES`,) overwritten.
         discs: (3, `UNKNOWNS`) overwritten: the best, a trial, and the step between.
         normal: (`UNKNOWNS`, `UNKNOWNS`) overwritten.
     """
@@ -81,15 +88,18 @@ def fit_discs(
         if share[n] < HALF:
             continue
         for _ in range(STEPS):
-            if not _has_step(work, count, best, normal, step):
+            if not _has_step(work, count, best, slopes, residuals, normal, step):
                 break
             _move(best, step, trial)
             here = _explained(work, count, trial, noise)
-            if not here > share[n]:
+            gained = here - share[n]
+            if not gained > 0.0:
                 break
             share[n] = here
             for k in range(UNKNOWNS):
                 best[k] = trial[k]
+            if gained < ENOUGH:
+                break
         _end(best, found[n])
 
 
@@ -106,12 +116,22 @@ def _begin(row: FloatArray, disc: FloatArray) -> None:
 
 @compiled
 def _end(disc: FloatArray, row: FloatArray) -> None:
-    """The angles of the lines and the ellipse of a disc from its half axes."""
+    """The angles of the lines and the ellipse of a disc from its half axes; its levels and point spread."""
     p, q, u, v = disc[2], disc[3], disc[4], disc[5]
     whole = (p * v - q * u) ** 2
     span = (math.atan2(v, u) - math.atan2(q, p)) / math.pi
     row[0], row[1], row[5], row[6] = disc[0], disc[1], math.atan2(q, p), math.pi * (span - math.floor(span))
     row[7], row[8], row[9] = (q * q + v * v) / whole, -(p * q + u * v) / whole, (p * p + u * u) / whole
+    row[3], row[4], row[10] = disc[8] - disc[7], disc[8] + disc[7], disc[6]
+
+
+@compiled
+def _error_function(x: float) -> tuple[float, float]:
+    """The error function to 2e-7, and `exp(-x^2)`: Hastings' formula (Abramowitz and Stegun, 7.1.26)."""
+    bell, t = math.exp(-x * x), 1.0 / (1.0 + 0.3275911 * abs(x))
+    tail = ((((1.061405429 * t - 1.453152027) * t + 1.421413741) * t - 0.284496736) * t + 0.254829592) * t
+    share = 1.0 - tail * bell
+    return (share if x >= 0.0 else -share), bell
 
 
 @compiled
@@ -129,24 +149,27 @@ def _explained(work: FloatRows, count: int, disc: FloatArray, noise: float) -> f
     whole = p * v - q * u
     area, scale = abs(whole), 1.0 / (math.sqrt(2.0) * disc[6])
     of_first, of_second = scale * area / math.hypot(u, v), scale * area / math.hypot(p, q)
-    peak = 2.0 / math.sqrt(math.pi)
+    peak, one_over = 2.0 / math.sqrt(math.pi), 1.0 / whole
     s = ss = e = ee = se = 0.0
     for row in range(count):
         x, y, value = work[row, 0] - disc[0], work[row, 1] - disc[1], work[row, 2]
-        first, second = (x * v - y * u) / whole, (y * p - x * q) / whole
+        first, second = (x * v - y * u) * one_over, (y * p - x * q) * one_over
         # the way from the edge, along its normal: (1 - radius) over the length of the gradient
-        radius = math.hypot(first, second)
-        steep = scale * area * radius / math.hypot(first * v - second * q, second * p - first * u)
+        radius = math.sqrt(first * first + second * second)
+        a, b = first * v - second * q, second * p - first * u
+        steep = scale * area * radius / math.sqrt(a * a + b * b)
         away = steep * (1.0 - radius)
-        inside, edge = 0.5 * (1.0 + math.erf(away)), -0.5 * peak * steep * math.exp(-away * away) / radius
+        share, bell = _error_function(away)
+        inside, edge = 0.5 * (1.0 + share), -0.5 * peak * steep * bell / radius
         a, b = of_first * first, of_second * second
-        one, other = math.erf(a), math.erf(b)
-        one_slope, other_slope = peak * math.exp(-a * a), peak * math.exp(-b * b)
+        one, one_bell = _error_function(a)
+        other, other_bell = _error_function(b)
+        one_slope, other_slope = peak * one_bell, peak * other_bell
         drawn, ink = 1.0 - inside - inside * one * other, 1.0 + one * other
         work[row, 3] = drawn
         work[row, 4] = -ink * edge * first - inside * one_slope * of_first * other
         work[row, 5] = -ink * edge * second - inside * one * other_slope * of_second
-        spread = 0.5 * ink * peak * math.exp(-away * away) * away
+        spread = 0.5 * ink * peak * bell * away
         work[row, 6] = (spread + inside * (one_slope * a * other + one * other_slope * b)) / disc[6]
         work[row, 7], work[row, 8] = first, second
         s += value
@@ -165,34 +188,26 @@ def _explained(work: FloatRows, count: int, disc: FloatArray, noise: float) -> f
 
 
 @compiled
-def _has_step(work: FloatRows, count: int, disc: FloatArray, normal: FloatRows, step: FloatArray) -> bool:
+def _has_step(
+    work: FloatRows,
+    count: int,
+    disc: FloatArray,
+    slopes: FloatRows,
+    residuals: FloatArray,
+    normal: FloatRows,
+    step: FloatArray,
+) -> bool:
     """Whether there is a step of least squares from a disc, as `_explained` left it; it is written."""
     p, q, u, v = disc[2], disc[3], disc[4], disc[5]
-    whole = p * v - q * u
-    for i in range(UNKNOWNS):
-        step[i] = 0.0
-        for j in range(i + 1):
-            normal[i, j] = 0.0
-    for row in range(count):
-        first, second = work[row, 7], work[row, 8]
-        x = disc[7] * (work[row, 5] * q - work[row, 4] * v) / whole
-        y = disc[7] * (work[row, 4] * u - work[row, 5] * p) / whole
-        slopes = (
-            x,
-            y,
-            first * x,
-            first * y,
-            second * x,
-            second * y,
-            disc[7] * work[row, 6],
-            work[row, 3],
-            1.0,
-        )
-        residual = work[row, 2] - disc[8] - disc[7] * work[row, 3]
-        for i in range(UNKNOWNS):
-            step[i] += slopes[i] * residual
-            for j in range(i + 1):
-                normal[i, j] += slopes[i] * slopes[j]
+    gain = disc[7] / (p * v - q * u)
+    for k in range(count):
+        row, place = slopes[k, :], work[k, :]
+        x, y = gain * (place[5] * q - place[4] * v), gain * (place[4] * u - place[5] * p)
+        row[0], row[1], row[8] = x, y, 1.0
+        row[2], row[3], row[4], row[5] = place[7] * x, place[7] * y, place[8] * x, place[8] * y
+        row[6], row[7] = disc[7] * place[6], place[3]
+        residuals[k] = place[2] - disc[8] - disc[7] * place[3]
+    normal_equations(slopes[:count], residuals[:count], normal, step)
     if factor_group(normal, UNKNOWNS, DAMPING) >= 0:
         return False
     forward(normal, UNKNOWNS, step)

@@ -16,7 +16,7 @@ from obseq.targets.finding.covering import Covering, covered_by
 from obseq.targets.finding.distortion import with_one_distortion
 from obseq.targets.finding.levels import levels_of
 from obseq.targets.finding.measuring import FORGIVEN, Drawings, fit_drawing
-from obseq.targets.finding.rings import Reading, Unread, read_ring, spot_ellipse
+from obseq.targets.finding.rings import Reading, Unread, read_rings
 from obseq.targets.finding.zones import worst_quadrant
 from obseq.targets.specification import extent
 
@@ -77,7 +77,7 @@ class Target:
     @property
     def size(self) -> float:
         """Pixels across its code, as seen from the front; the height of a sheet with rows."""
-        return extent(self.spec) * float(np.linalg.svd(self.fit.placed.matrix, compute_uv=False)[0])
+        return extent(self.spec) * self.fit.placed.largest
 
     @property
     def centre(self) -> FloatArray:
@@ -97,8 +97,7 @@ class Target:
     @property
     def tilt(self) -> float:
         """Angle between the target's normal and the ray, radians, from how its figure is shortened."""
-        values = np.linalg.svd(self.fit.placed.matrix, compute_uv=False)
-        return math.acos(min(1.0, float(values[1] / values[0])))
+        return math.acos(min(1.0, self.fit.placed.smallest / self.fit.placed.largest))
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,14 +188,10 @@ class _Search:
 
     def rings(self, level: Level, sets: Sequence[_Set], sign: float) -> None:
         """Looks for ring targets."""
-        candidates = find_spots(level, sign)
-        for k in self._free(level.in_image(candidates[:, :2])):
-            spot = candidates[k]
-            ellipse = spot_ellipse(self.image, level, spot, sign)
-            if ellipse is None:
-                continue
-            levels = float(spot[5]), float(spot[6])
-            readings = [read_ring(self.image, one.spec, ellipse, levels, sign) for one in sets]
+        spots = find_spots(level, sign)
+        specs = [one.spec for one in sets]
+        for k in self._free(spots[:, :2]):
+            ellipse, readings = read_rings(self.image, specs, spots[k], sign, level.number > 0)
             if any(
                 self._confirmed(one, [reading])
                 for one, reading in zip(sets, readings, strict=True)
@@ -213,15 +208,17 @@ class _Search:
         """Looks for chequered targets."""
         found = find_discs(level, sign, min(one.spec.geometry.inside for one in sets))
         for one in sets:
-            places, wrong = chequered_discs(level, one.spec, found, sign)
+            places, wrong, off = chequered_discs(level, one.spec, found, sign)
             for k in self._free(np.array([disc.centre for disc in places]).reshape(-1, 2)):
                 if wrong[k] > mended(one.spec):
                     self._refuse(places[k], Unread(WRONG_BITS, wrong[k], mended(one.spec)))
+                elif off[k] > ODD:
+                    self._refuse(places[k], Unread("bits: mean difference from the drawing", off[k], ODD))
                 else:
                     self._chequered(one, places[k])
 
     def _chequered(self, one: _Set, disc: Placed) -> bool:
-        fit = fit_drawing(self.image, one.drawings, -1, disc, focal=self.focal, whole=False, most_steps=6)
+        fit = fit_drawing(self.image, one.drawings, -1, disc, focal=self.focal, whole=False, most_steps=3)
         if fit is None or fit.gain * one.sign > 0.0:
             return False
         if fit.likeness_with(self.noise) < FIGURE_LIKE:

@@ -34,12 +34,20 @@ class Placed:
     @property
     def unit(self) -> float:
         """Pixels of a unit, the mean of both directions."""
-        return math.sqrt(abs(float(np.linalg.det(self.matrix))))
+        a, b, c, d = self.matrix.ravel().tolist()
+        return math.sqrt(abs(a * d - b * c))
+
+    @property
+    def largest(self) -> float:
+        """Pixels of a unit in the direction in which it is longest."""
+        a, b, c, d = self.matrix.ravel().tolist()
+        return 0.5 * (math.hypot(a + d, c - b) + math.hypot(a - d, b + c))
 
     @property
     def smallest(self) -> float:
-        """Pixels of a unit in the direction in which it is shortest."""
-        return float(np.linalg.svd(self.matrix, compute_uv=False)[-1])
+        """And in which it is shortest."""
+        a, b, c, d = self.matrix.ravel().tolist()
+        return 0.5 * abs(math.hypot(a + d, c - b) - math.hypot(a - d, b + c))
 
     def pixels(self, places: FloatRows) -> FloatRows:
         """(n, 2) where places of the drawing (n, 2), units, are seen."""

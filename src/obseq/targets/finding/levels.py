@@ -13,10 +13,12 @@ from obseq.targets.finding.detection import halved
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import Array, FloatArray, FloatRows
+    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
 
 TILE = 1024
 """Pixels of the side of a tile: what is computed on one stays in a cache of the second level, nearly."""
+STRIP = 16
+"""Lines that are reduced at once: what is computed stays in a cache of the second level."""
 MARGIN = 40
 """Pixels around a tile that are looked at with it: the largest figure of a level, and its surroundings."""
 SMALLEST = 48
@@ -41,10 +43,12 @@ class Tile:
     top: int
     core: tuple[int, int, int, int]
 
-    def owns(self, x: FloatArray, y: FloatArray) -> Array:
-        """Which places, in the level, are its own."""
+    def owns(self, places: FloatRows) -> BoolArray:
+        """(n,) which places (n, 2), in its image, are its own."""
         x0, x1, y0, y1 = self.core
-        return (x >= x0 - 0.5) & (x < x1 - 0.5) & (y >= y0 - 0.5) & (y < y1 - 0.5)
+        x, y = (places + np.array([self.left, self.top])).T
+        own: BoolArray = (x >= x0 - 0.5) & (x < x1 - 0.5) & (y >= y0 - 0.5) & (y < y1 - 0.5)
+        return own
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +98,11 @@ def _half(level: Level) -> Array:
     """Half of a level, strip by strip: none is held in single precision as a whole."""
     height, width = (size // 2 for size in level.image.shape)
     out = np.empty((height, width), dtype=np.float32)
-    for top in range(0, height, TILE):
-        strip = level.image[2 * top : 2 * min(top + TILE, height)].astype(np.float64, order="C")
+    for top in range(0, height, STRIP):
+        strip = level.image[2 * top : 2 * min(top + STRIP, height)].astype(np.float64, order="C")
         half = np.empty((len(strip) // 2, width))
         halved(strip, half)
-        out[top : top + TILE] = half
+        out[top : top + STRIP] = half
     return out
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from obseq.kernels.calculator import calculator
 from obseq.targets.drawing.drawings import figure_of, inked_bits
 from obseq.targets.drawing.legend import CELL, dot_size
 from obseq.targets.drawing.painting import smooth_table
-from obseq.targets.drawing.rendering import Region, observe, render, spread
+from obseq.targets.drawing.rendering import Region, lattice, normal_equations, observe, render, spread
 from obseq.targets.finding.fits import Fit, Placed
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ LONGEST_STEP = 1.0
 """Pixels by which one step may move the centre: beyond, the drawing and its image do not overlap."""
 FEWEST = 40
 """Pixels of the smallest fit: twice its unknowns, and some."""
-LATTICES = ((13, 8), (8, 5))
-"""Places in a pixel where the drawing is looked at, for small and for large targets; and their generators."""
+LATTICES = tuple(lattice(*sizes) for sizes in ((13, 8), (8, 5)))
+"""Places in a pixel where the drawing is looked at, for small and for large targets."""
 SURE = 4.0
 """Standard deviations that no noise exceeds in the pixels of a target."""
 MEDIAN_SIGMA = 1.4826
@@ -172,6 +172,35 @@ def fit_drawing(
     return _Iteration(image, drawings, code, start, focal, whole).run(most_steps)
 
 
+class _System(NamedTuple):
+    """The linear equations of a step.
+
+    Attributes:
+        rows: (n, 9) observations of the formula.
+        jacobian: (n, k).
+        residuals: (n,).
+        normal: (k, k) jacobian' jacobian.
+        sums: (k,) jacobian' residuals.
+    """
+
+    rows: FloatRows
+    jacobian: FloatRows
+    residuals: FloatArray
+    normal: FloatRows
+    sums: FloatArray
+
+    @property
+    def square(self) -> float:
+        """Sum of the squares of the residuals."""
+        return float(np.square(self.residuals).sum())
+
+    @property
+    def variance(self) -> float:
+        """Of a pixel, from the residuals."""
+        n, k = self.jacobian.shape
+        return self.square / max(n - k, 1)
+
+
 class _Iteration:
     """Gauss and Newton's steps from a start."""
 
@@ -222,27 +251,23 @@ class _Iteration:
 
     def _arrived(self, most_steps: int) -> Fit | None:
         region = region_of(self.spec, self.placed, self.whole)
-        last: tuple[FloatArray, FloatRows, FloatArray, FloatRows] | None = None
+        system: _System | None = None
         for step in range(most_steps):
             if step in (2, 4, 6):
                 region = region_of(self.spec, self.placed, self.whole)
             if not self._set_window(region):
                 return None
-            found = self._linearised(region, first=step == 0)
-            if found is None:
-                return None
-            observations, jacobian, residuals, normal = found
-            change = self._solved(normal, jacobian, residuals)
+            system = self._linearised(region, first=step == 0)
+            change = None if system is None else self._solved(system)
             if change is None:
                 return None
-            last = observations, jacobian, residuals, normal
             moved = math.hypot(*change[CENTRE])
             self._apply(change, moved)
             if not self._is_sound():
                 return None
             if moved < ARRIVED and step > 1:
                 break
-        return None if last is None else self._fit(*last)
+        return None if system is None else self._fit(system)
 
     def _set_window(self, region: Region) -> bool:
         """Takes the part of the image where the drawing lies; False when it is not inside."""
@@ -260,17 +285,14 @@ class _Iteration:
         self.window = self.image[y0 : y1 + 1, x0 : x1 + 1].astype(np.float64)
         return True
 
-    def _linearised(
-        self, region: Region, first: bool
-    ) -> tuple[FloatRows, FloatRows, FloatArray, FloatRows] | None:
+    def _linearised(self, region: Region, first: bool) -> _System | None:
         taps = _taps(round(self.sigma, 4))
         k = taps.shape[1] // 2
         height, width = self.window.shape
         sharp = np.empty((height + 2 * k, width + 2 * k))
-        lattice = LATTICES[self.start.unit > 40]
         u = self.unknowns
         place = np.concatenate([u[CENTRE], u[MATRIX], u[PERSPECTIVE], u[BEND]])
-        render(self.table, self.grid, place, self.corner - k, *lattice, sharp)
+        render(self.table, self.grid, place, self.corner - k, LATTICES[self.start.unit > 40], sharp)
         model = np.empty((4, height, width))
         spread(sharp, taps, np.empty((3, height + 2 * k, width)), model)
         rows = np.empty((height * width, 9))
@@ -287,8 +309,9 @@ class _Iteration:
             self._set_light(rows)
             rows[:, 3:5] *= u[GAIN]
         values, jacobian = self.calculator.values_and_jacobian(np.tile(u, (n, 1)), rows)
-        matrix = jacobian[:, 0]
-        return rows, matrix, values[:, 0], matrix.T @ matrix
+        system = _System(rows, jacobian[:, 0], values[:, 0], np.empty((len(u), len(u))), np.empty(len(u)))
+        normal_equations(*system[1:])
+        return system
 
     def _light(self) -> FloatArray:
         u = self.unknowns
@@ -304,10 +327,10 @@ class _Iteration:
         self.unknowns[GAIN] = gain or 1.0
         self.unknowns[OFFSET] = grey.mean() - gain * value.mean()
 
-    def _solved(self, normal: FloatRows, jacobian: FloatRows, residuals: FloatArray) -> FloatArray | None:
+    def _solved(self, system: _System) -> FloatArray | None:
         """The step, and `inverse`, with what is known before: the perspective and the slopes are small."""
-        n, k = jacobian.shape
-        variance = max(float(residuals @ residuals) / max(n - k, 1), 1e-4)
+        k = len(system.normal)
+        variance = max(system.variance, 1e-4)
         weights = np.zeros(k)
         weights[PERSPECTIVE] = variance / (self.start.unit / self.focal) ** 2
         weights[BEND] = variance * (self.focal / BEND_PRIOR) ** 2
@@ -316,8 +339,8 @@ class _Iteration:
         weights[MATRIX] = variance / (MATRIX_PRIOR * self.start.unit) ** 2
         away = self.unknowns.copy()
         away[MATRIX] -= self.start.matrix.ravel()
-        right = jacobian.T @ residuals + weights * away
-        matrix = normal + np.diag(weights)
+        right = system.sums + weights * away
+        matrix = system.normal + np.diag(weights)
         scale = np.sqrt(np.diag(matrix))
         if not (scale > 0.0).all() or not np.isfinite(scale).all():
             return None
@@ -347,22 +370,19 @@ class _Iteration:
         ratio = placed.unit / self.start.unit
         return far < max(2.0, 0.3 * self.start.unit) and 0.6 < ratio < 1.7 and placed.smallest > 1.0
 
-    def _fit(self, rows: FloatRows, jacobian: FloatRows, residuals: FloatArray, normal: FloatRows) -> Fit:
-        n, k = jacobian.shape
-        square = float(residuals @ residuals)
-        grey = rows[:, 2]
+    def _fit(self, system: _System) -> Fit:
+        grey, variance = system.rows[:, 2], system.variance
         whole = float(((grey - grey.mean()) ** 2).sum())
-        variance = square / max(n - k, 1)
         gain = float(self.unknowns[GAIN])
         return Fit(
             self.placed,
             variance * self.inverse[BEND.start : CENTRE.stop, BEND.start : CENTRE.stop],
             math.sqrt(variance),
-            1.0 - square / whole if whole > 0.0 else 0.0,
+            1.0 - system.square / whole if whole > 0.0 else 0.0,
             gain,
             float(self.unknowns[OFFSET]),
-            rows[:, 5:7].copy(),
-            residuals / (abs(gain) or 1.0),
+            system.rows[:, 5:7].copy(),
+            system.residuals / (abs(gain) or 1.0),
             self.forgiven,
         )
 

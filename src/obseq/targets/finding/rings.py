@@ -1,4 +1,4 @@
-"""From a light spot to a ring target: its ellipse, and the bits of the ring around it."""
+"""From the ellipse of a light spot to a ring target: the bits of the ring around it."""
 
 from __future__ import annotations
 
@@ -9,23 +9,31 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.targets.finding.fits import Placed
-from obseq.targets.finding.levels import sampled
+from obseq.targets.finding.spot_edges import (
+    CONIC,
+    FIRST_BIT,
+    PHASE,
+    RAYS,
+    SCATTER,
+    THREADS,
+    edge_ellipses,
+    light_share,
+    ring_bits,
+)
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
-    from obseq.targets.finding.levels import Level
+    from collections.abc import Sequence
+
+    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows, IntArray
     from obseq.targets.specification import Specification
 
-RAYS = 32
-"""Rays from the middle of a spot to its edge."""
-FEWEST_RAYS = 26
-"""Of them, those that must meet the edge."""
-THREADS = 5
-"""Radii in the middle half of the ring of the code, whose median is read."""
 LEAST_CELL = 6
 """Places read in a bit, at least."""
-LIGHT_IN_GAP = 0.45
-"""Share of the contrast that the dark ring around the spot may reach in the median."""
+LIGHT_IN_GAP, MOST_IN_GAP = 0.45, 0.06
+"""Share of the contrast from which on a place of the dark ring around the spot is light, and share of places
+that may be."""
+OUTSIDE = 0.2
+"""Of the half axes: the image goes on beyond the ring as far."""
 MARGIN = 0.2
 """Least distance of a bit from the middle between light and dark, in half contrasts: else it is not read."""
 UNEVEN = 0.35
@@ -60,145 +68,79 @@ class Unread:
     limit: float
 
 
-def spot_ellipse(image: Array, level: Level, spot: FloatRows, sign: float) -> Placed | None:
-    """The ellipse of a spot in the image: its centre, and half axes as columns; None where it has none.
+def read_rings(
+    image: Array, specs: Sequence[Specification], spot: FloatArray, sign: float, is_reduced: bool
+) -> tuple[Placed, list[Reading | Unread]]:
+    """The ellipse of a spot in the image, and the code of each set around it.
 
     Args:
         image: (height, width).
-        level: where the spot was found.
-        spot: (7,) as `find_spots` gives it.
-        sign: 1 for light spots.
-    """
-    middle = (spot[5] + spot[6]) / 2.0
-    axes = _half_axes(spot[2], spot[3], spot[4])
-    found = _through_edge(level.image, sign, spot[:2], axes, middle)
-    if found is None:
-        return None
-    centre, axes = level.in_image(found[0]), level.scale * found[1]
-    if level.number:
-        finer = _through_edge(image, sign, centre, axes, middle)
-        centre, axes = finer if finer is not None else (centre, axes)
-    return Placed(centre, axes, np.zeros(2), 1.0, np.zeros(2))
-
-
-def _half_axes(xx: float, xy: float, yy: float) -> FloatRows:
-    """(2, 2) half axes of the ellipse with these moments, as columns; the second is counted clockwise."""
-    values, ways = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
-    axes = 2.0 * ways * np.sqrt(np.maximum(values, 0.1))
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 1] = -axes[:, 1]
-    found: FloatRows = axes
-    return found
-
-
-def _through_edge(
-    image: Array, sign: float, centre: FloatArray, axes: FloatRows, middle: float
-) -> tuple[FloatArray, FloatRows] | None:
-    """The ellipse through the places where rays meet the level between light and dark."""
-    turns = 2.0 * math.pi * np.arange(RAYS) / RAYS
-    ways = np.column_stack((np.cos(turns), np.sin(turns))) @ axes.T
-    length = math.sqrt(abs(float(np.linalg.det(axes))))
-    steps = np.linspace(0.4, 1.7, max(14, min(60, math.ceil(4.0 * 1.3 * length))))
-    x = centre[0] + ways[:, :1] * steps
-    y = centre[1] + ways[:, 1:] * steps
-    profile = sign * sampled(image, x, y) - middle
-    falls = (profile[:, :-1] > 0.0) & (profile[:, 1:] <= 0.0)
-    has = falls.any(axis=1)
-    if has.sum() < FEWEST_RAYS:
-        return None
-    k = falls.argmax(axis=1)
-    rows = np.arange(RAYS)
-    high, low = profile[rows, k], profile[rows, k + 1]
-    share = np.divide(high, high - low, out=np.zeros(RAYS), where=has)
-    reach = (steps[k] + share * (steps[1] - steps[0]))[has]
-    return fitted_ellipse(centre + ways[has] * reach[:, None])
-
-
-def fitted_ellipse(points: FloatRows) -> tuple[FloatArray, FloatRows] | None:
-    """Centre and half axes (columns) of the ellipse through points; None where they are not on one.
-
-    The conic `a x^2 + b x y + c y^2 + d x + e y = 1` by linear least squares, about the mean of the points.
-    """
-    mean = points.mean(axis=0)
-    scale = np.abs(points - mean).max() or 1.0
-    x, y = ((points - mean) / scale).T
-    solved = np.linalg.lstsq(np.column_stack((x * x, x * y, y * y, x, y)), np.ones(len(x)), rcond=None)
-    a, b, c, d, e = solved[0]
-    matrix = np.array([[a, 0.5 * b], [0.5 * b, c]])
-    if np.linalg.det(matrix) <= 1e-9:
-        return None
-    middle = np.linalg.solve(2.0 * matrix, [-d, -e])
-    shape = matrix / (1.0 + middle @ matrix @ middle)
-    values, ways = np.linalg.eigh(shape)
-    if values[0] <= 0.0:
-        return None
-    axes = ways / np.sqrt(values)
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 1] = -axes[:, 1]
-    away = np.column_stack((x, y)) - middle
-    radius = np.sqrt(np.einsum("ni,ij,nj->n", away, shape, away))
-    length = scale * math.sqrt(abs(float(np.linalg.det(axes))))
-    if np.abs(radius - 1.0).mean() * length > 0.2 * (1.0 + length / 25.0):
-        return None
-    return middle * scale + mean, axes * scale
-
-
-def read_ring(
-    image: Array, spec: Specification, ellipse: Placed, levels: tuple[float, float], sign: float
-) -> Reading | Unread:
-    """The code around a spot.
-
-    Args:
-        image: (height, width).
-        spec: the set.
-        ellipse: of the spot.
-        levels: dark level around the spot and light level inside.
+        specs: the sets.
+        spot: (8,) as `find_spots` gives it, in pixels of the image.
         sign: 1 where ink is light.
+        is_reduced: whether it was found in a reduced image: its edge is looked for again then.
     """
-    dark, light = levels
+    reach = OUTSIDE + max(spec.geometry.radii[1] for spec in specs)
+    window, corner = _window(image, spot, reach)
+    inside = spot.copy()
+    inside[:2] -= corner
+    if is_reduced:
+        finer = inside[None].copy()
+        edge_ellipses(window, sign, np.empty((CONIC + 2, RAYS)), finer)
+        inside = inside if math.isnan(finer[0, 0]) else finer[0]
+    spot = inside.copy()
+    spot[:2] += corner
+    placed = Placed(spot[:2], spot[2:6].reshape(2, 2).T, np.zeros(2), 1.0, np.zeros(2))
+    found: list[Reading | Unread] = []
+    for spec in specs:
+        is_whole = _is_inside(image, spot, spec.geometry.radii[1] + OUTSIDE)
+        unread = Unread("inside the image", 0.0, 1.0)
+        found.append(_read_ring(window, spec, placed, inside, sign) if is_whole else unread)
+    return placed, found
+
+
+def _around(spot: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+    """The corners of the box around an ellipse, so many times as large."""
+    half = reach * np.hypot(spot[2:4], spot[4:6])
+    return spot[:2] - half, spot[:2] + half
+
+
+def _is_inside(image: Array, spot: FloatArray, reach: float) -> bool:
+    low, high = _around(spot, reach)
+    height, width = image.shape
+    return bool((low >= 1.0).all() and high[0] <= width - 2 and high[1] <= height - 2)
+
+
+def _window(image: Array, spot: FloatArray, reach: float) -> tuple[FloatRows, IntArray]:
+    """The part of an image where an ellipse lies, so many times as large, and its first column and line."""
+    low, high = _around(spot, reach)
+    low, high = np.maximum(low.astype(np.int64) - 2, 0), np.maximum(high.astype(np.int64) + 3, 2)
+    part = image[low[1] : high[1], low[0] : high[0]]
+    return part.astype(np.float64, order="C"), low
+
+
+def _read_ring(
+    window: FloatRows, spec: Specification, placed: Placed, spot: FloatArray, sign: float
+) -> Reading | Unread:
+    """The code around a spot in a window."""
+    dark, light = spot[6:].tolist()
     contrast, middle = light - dark, 0.5 * (light + dark)
     begin, end, _, _ = spec.geometry.radii
-    n, step = spec.bits, 2.0 * math.pi / spec.bits
-    cell = max(LEAST_CELL, math.ceil(step * begin * ellipse.unit))
-    turns = (np.arange(n * cell) + 0.5) * (step / cell)
-
-    def ring(radii: FloatArray) -> FloatRows:
-        places = np.stack([np.cos(turns), np.sin(turns)]) * radii[:, None, None]
-        pixels = ellipse.centre[:, None] + np.einsum("ij,kjn->ikn", ellipse.matrix, places).reshape(2, -1)
-        height, width = image.shape
-        if pixels.min() < 1.0 or pixels[0].max() > width - 2 or pixels[1].max() > height - 2:
-            return np.empty((0, 0))
-        return sign * sampled(image, pixels[0], pixels[1]).reshape(len(radii), -1)
-
-    outer = ring(np.array([end + 0.2]))
-    if not outer.size:
-        return Unread("inside the image", 0.0, 1.0)
-    gap = float(np.mean(ring(np.array([0.5 * (1.0 + begin)])) > dark + LIGHT_IN_GAP * contrast))
-    if gap > 0.06:
-        return Unread("dark ring around the spot: share that is light", gap, 0.06)
-    read = np.median(ring(begin + (end - begin) * np.linspace(0.25, 0.75, THREADS)), axis=0)
-    phase, bits, uneven = _phase(read, n, cell)
-    if uneven > UNEVEN:
-        return Unread("ring cut into bits: scatter within them", uneven, UNEVEN)
-    margins = (bits - middle) / (0.5 * contrast)
+    step = 2.0 * math.pi / spec.bits
+    cell = max(LEAST_CELL, math.ceil(step * begin * placed.unit))
+    places = spec.bits * cell
+    gap = light_share(window, sign, spot, 0.5 * (1.0 + begin), places, dark + LIGHT_IN_GAP * contrast)
+    if gap > MOST_IN_GAP:
+        return Unread("dark ring around the spot: share that is light", gap, MOST_IN_GAP)
+    read = np.empty(FIRST_BIT + spec.bits)
+    ring_bits(window, sign, spot, begin, end, cell, np.empty(places + THREADS), read)
+    if read[SCATTER] > UNEVEN:
+        return Unread("ring cut into bits: scatter within them", float(read[SCATTER]), UNEVEN)
+    margins = (read[FIRST_BIT:] - middle) / (0.5 * contrast)
     least = float(np.abs(margins).min())
     if least < MARGIN:
         return Unread("bits: least distance from the middle", least, MARGIN)
-    return _named(spec, ellipse, margins, phase * step / cell)
-
-
-def _phase(read: FloatArray, n: int, cell: int) -> tuple[int, FloatArray, float]:
-    """Where the first bit begins, the level of each, and the scatter within bits over that of all."""
-    skip = max(1, cell // 5)
-    best = None
-    for phase in range(cell):
-        parts = np.roll(read, -phase).reshape(n, cell)[:, skip : cell - skip]
-        scatter = float(parts.std(axis=1).mean())
-        if best is None or scatter < best[2]:
-            best = phase, parts.mean(axis=1), scatter
-    assert best is not None
-    whole = float(read.std())
-    return best[0], best[1], best[2] / whole if whole > 0.0 else math.inf
+    return _named(spec, placed, margins, float(read[PHASE]) * step / cell)
 
 
 def _named(spec: Specification, ellipse: Placed, margins: FloatArray, begin: float) -> Reading | Unread:
