@@ -31,6 +31,8 @@ WRONG_BITS = "code of the set: bits that differ"
 CROWDED = 0.5
 """Share of all patterns, one bit from a code, above which a mended name says less than chance."""
 TINY = 1e-9
+UNCLEAR = 0.2
+"""Of the ink: a bit no farther from the middle may be either, as `finder.ODD` has it."""
 EITHER = 0.5
 """What a bit is before it is read, and its sigma: it has ink, or has none."""
 
@@ -87,9 +89,9 @@ def _affinities(spec: Specification, discs: FloatRows) -> FloatCubes:
 def _rough_bits(
     image: Array, spec: Specification, discs: FloatRows, matrices: FloatCubes, sign: float
 ) -> tuple[IntArray, FloatArray]:
-    """(n,) in how many bits the grey levels differ from those of the nearest target, and by how much in all.
+    """(n,) in how many clear bits the nearest target has other grey levels, and by how much they are off.
 
-    Ink is as dark as in the disc, where a bit is wider than the point spread; else as much paler as that says.
+    Ink is as dark as in the disc where a bit is wider than the point spread; else it is paler by as much.
     """
     places = _bit_places(spec)
     width = 2.0 * np.linalg.norm(places[:, 2] - places[:, 0], axis=1).min()
@@ -104,7 +106,8 @@ def _rough_bits(
         ink = (light[:, None] - grey) / contrast[:, None]
         has_ink = ink > EITHER
         codes = (has_ink == spec.geometry.zero_is_sheet) @ (1 << np.arange(spec.bits))
-        wrong = counted(codes[:, None] ^ known).min(axis=1)
+        is_clear = (abs(ink - EITHER) > UNCLEAR) @ (1 << np.arange(spec.bits))
+        wrong = counted((codes[:, None] ^ known) & is_clear[:, None]).min(axis=1)
         off = np.sqrt(np.mean((ink - has_ink) ** 2, axis=1))
         is_better = (wrong < found) | ((wrong == found) & (off < least))
         found, least = np.where(is_better, wrong, found), np.where(is_better, off, least)

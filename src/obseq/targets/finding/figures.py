@@ -27,8 +27,8 @@ INTERPOLATED = 4.0 / 9.0
 HALF = 0.5
 """Share from which on a disc is fitted at all: whatever explains less is nearer to nothing."""
 STEPS, ENOUGH = 3, 0.005
-"""Of the fit at most: from the ends of its lines, a disc that is tilted by 70 degrees needs three; none follows
-one by which it explains hardly more."""
+"""Of the fit at most: from the ends of its lines, a disc that is tilted by 70 degrees needs three. None
+follows one that explains hardly more."""
 LONGEST = 0.3
 """Share of the disc by which a step changes it at most: by more, its quadrants are others."""
 UNKNOWNS = 9
@@ -62,7 +62,7 @@ def fit_discs(
         noise: standard deviation of a pixel.
         gap: width of the sheet between a disc and its code, in radii of the disc.
         found: (n, 11): x, y, strength, dark and light level, where light turns dark, by how much further dark
-            turns light, the ellipse q11, q12, q22, and the point spread; all but the strength is written anew,
+            turns light, the ellipse q11, q12, q22, and the point spread; all but strength is written anew,
             levels with the sign of light and dark.
         share: (n,) written: of the grey variance, but for noise, that a disc explains.
         work: (`MOST_PLACES`, 9) overwritten.

@@ -35,6 +35,8 @@ FIGURE_LIKE = 0.75
 ODD = 0.3
 """Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing. A bit that differs
 by as much from both of its values cannot be read."""
+ROUGHLY_ODD = 0.35
+"""And by which its bits differ in the mean square, seen roughly: of 16 pixels, by 0.35 (bench)."""
 NOTICED = 2
 """Bits that can be read and in which any other target differs: one that is wrong is noticed then."""
 CHANCE = 0.1
@@ -212,8 +214,10 @@ class _Search:
             for k in self._free(np.array([disc.centre for disc in places]).reshape(-1, 2)):
                 if wrong[k] > mended(one.spec):
                     self._refuse(places[k], Unread(WRONG_BITS, wrong[k], mended(one.spec)))
-                elif off[k] > ODD:
-                    self._refuse(places[k], Unread("bits: mean difference from the drawing", off[k], ODD))
+                elif off[k] > ROUGHLY_ODD:
+                    self._refuse(
+                        places[k], Unread("bits: mean difference from the drawing", off[k], ROUGHLY_ODD)
+                    )
                 else:
                     self._chequered(one, places[k])
 

@@ -198,7 +198,8 @@ class _System(NamedTuple):
     def variance(self) -> float:
         """Of a pixel, from the residuals."""
         n, k = self.jacobian.shape
-        return self.square / max(n - k, 1)
+        found: float = self.square / max(n - k, 1)
+        return found
 
 
 class _Iteration:

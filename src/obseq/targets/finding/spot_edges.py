@@ -23,7 +23,7 @@ FEWEST_STEPS, MOST_STEPS = 14, 60
 CONIC = 5
 """Coefficients of `a x^2 + b x y + c y^2 + d x + e y = 1`."""
 OFF_EDGE, OFF_LARGE_EDGE = 0.2, 25.0
-"""Pixels by which the edge may differ from its ellipse in the mean; as much again for so many of half axes."""
+"""Pixels by which the edge may differ from its ellipse in the mean; twice as many at such half axes."""
 THREADS = 5
 """Radii in the middle half of the ring of the code, whose median is read."""
 SKIPPED = 5
@@ -41,7 +41,7 @@ def edge_ellipses(image: FloatRows, sign: float, work: FloatRows, spots: FloatRo
         sign: 1 for light spots, -1 for dark ones: levels have that sign then.
         work: (`CONIC` + 2, `RAYS`) overwritten.
         spots: (n, 8) x, y, both half axes (x and y of the first, of the second), dark level around and light
-            level inside; place and axes are written anew, the place is not a number where there is no ellipse.
+            level inside; place and axes are written anew, x is not a number where there is no ellipse.
     """
     for n in range(len(spots)):
         spot = spots[n]
