@@ -18,7 +18,7 @@ from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
-from obseq.diagnosis.selection import equals, gains, inside, merged, needed, select
+from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
 from obseq.diagnosis.verdict import Status, Verdict
 from obseq.errors import ObseqError
 
@@ -287,6 +287,8 @@ class Search(Generic[Place]):
                 tests = self._tests(place, applied)
                 bent = self._to_try(tests) if turn == 0 and not applied else bent
                 chosen = self._selected(tests, [change.index for change in applied], is_robust=is_robust)
+                if before and not is_less(tests.price(chosen), tests.price(before)):
+                    chosen = before  # of equals, that which the place is adjusted without
                 if chosen == before or not chosen:
                     return Explanation(tests.price(chosen), tests, chosen, place), bent
                 before, changes = chosen, [Change(i, *s) for i, s in tests.sizes(chosen).items()]
