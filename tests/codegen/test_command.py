@@ -99,7 +99,7 @@ def test_one_formula(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_list(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--list"]) == 0
-    assert capsys.readouterr().out.split() == ["Dist3D", "TopoDist", "TopoHz"]
+    assert capsys.readouterr().out.split() == ["Dist2DCons", "TopoDist", "TopoHz"]
     assert _names(folder) == []
 
 
