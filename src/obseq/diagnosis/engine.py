@@ -19,7 +19,7 @@ from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
 from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
-from obseq.diagnosis.verdict import Status, Verdict
+from obseq.diagnosis.verdict import ASTRAY, UNDETERMINED, Status, Verdict
 from obseq.errors import ObseqError, SingularSystemError
 
 if TYPE_CHECKING:
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
     Told = Callable[[str], None]
-
-
-ASTRAY = "no adjustment without what may be wrong converges"
-UNDETERMINED = "the observations leave some unknowns undetermined, so that nothing can be tested"
 
 
 def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = None) -> Verdict:
