@@ -397,9 +397,3 @@ def test_distances_in_metres_in_a_file_in_feet_are_told_as_that(tmp_path):
     (error,) = read(tmp_path, IN_FEET.format(*feet * 1200.0 / 3937.0), sigmas=SIGMAS).gross_errors()
     assert error.code in ("S151", "S203") and [slip.code for slip in error.slips] == ["W107"]
     assert len(error.observations) == 4
-
-
-def test_a_negative_angle_is_the_rest_of_a_turn(tmp_path):
-    text = PLANE.replace("M A-B-P 53-07-48.4 100.003 5 0.005", "A A-P-B -53-07-48.4 5")
-    ((kind, *_, value, _), _) = rows(read(tmp_path, text))
-    assert kind == "Angle" and value == pytest.approx(2.0 * math.pi - math.atan2(80.0, 60.0), abs=1e-6)
