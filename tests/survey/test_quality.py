@@ -17,7 +17,7 @@ from obseq.report.page import page
 from obseq.report.result_file import read_json, to_json
 from obseq.report.summary import VERBOSE, listing, summary
 from obseq.survey import Network, Quality
-from obseq.survey.adjustment.adjusted_records import tested_types
+from obseq.survey.adjustment import adjusted_records
 
 KNOWN = {"A": (0, 0, 0), "B": (100, 0, 2), "C": (90, 80, -3), "D": (-10, 70, 1)}
 PLACES = KNOWN | {"P": (40.0, 30.0, 5.0), "Q": (60.0, 55.0, -2.0), "R": (20.0, 60.0, 4.0)}
@@ -235,7 +235,7 @@ def test_factors_of_sigmas_are_tested_by_the_chi_square_of_their_redundancy() ->
         StatisticsRecord("DIST", 9, 0, redundancy, 1.0, 0.0, 2.0, factor)
         for redundancy, factor in ((6.0, 1.2), (1.0, 0.9), (0.99, 1.1), (4.0, None), (None, 1.0))
     ]
-    six, one, *others = tested_types(rows)
+    six, one, *others = adjusted_records.tested_types(rows)
     assert all((row.lower, row.upper, row.level) == (None, None, None) for row in others)
     for row, freedom in ((six, 6.0), (one, 1.0)):
         assert row.level == 0.005  # two are tested, at 1 % together
