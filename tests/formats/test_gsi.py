@@ -118,7 +118,10 @@ def test_units_and_names_of_words(tmp_path):
             r"a\.gsi:2: word 21: '9' is no unit of angles",
         ),
         ("16....+0000000S\n110001+00000001 21.322+0000000x\n", r"a\.gsi:2: word 21: '0000000x' is no whole"),
-        ("16....+0000000S\n110001+00000001 22.324+09061000\n", "minutes and seconds are below 60"),
+        (
+            "16....+0000000S\n110001+00000001 22.324+09061000\n",
+            "minutes are below 60, and seconds at most 60",
+        ),
         ("16....+0000000S\n", "no sight is in it"),
     ],
 )
@@ -166,3 +169,14 @@ def test_staffs_of_digital_levels_give_height_differences(tmp_path):
     np.testing.assert_allclose(rows.values, [0.52122, -0.64534], atol=1e-9)
     np.testing.assert_allclose(rows.sigmas, 1e-3 * np.sqrt([0.0453, 0.0538]))
     assert "1 intermediate readings of a levelling staff are left out" in " ".join(book.warnings)
+
+
+def test_sixty_seconds_are_the_next_minute(tmp_path):
+    """Programs that round seconds by themselves write them: 84 1 60.0 is 84 2 0.0."""
+    (tmp_path / "a.gsi").write_text("16....+0000000S\n110001+00000001 21.324+08401600\n")
+    (tmp_path / "b.gsi").write_text("16....+0000000S\n110001+00000001 21.324+08402000\n")
+    values = [
+        Network.read_project(tmp_path / name, sigmas=SIGMAS).book.observations.values
+        for name in ("a.gsi", "b.gsi")
+    ]
+    np.testing.assert_allclose(values[0], values[1], rtol=1e-15)

@@ -28,7 +28,7 @@ from obseq.survey.kinds.registry import codes
 from obseq.survey.model import Orientation, points_of_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterator, Mapping
     from pathlib import Path
 
     from obseq.formats.project import Reader, Reading
@@ -289,6 +289,7 @@ class Book:
             passed = "; ".join(self._told())
             raise InputError(f"{', '.join(self._columns.files)}: no sight is in it. {passed}".strip())
         names = list(self._columns.names)
+        self._drop_carried(self._columns.names.keys())
         unknown = (math.nan, math.nan, math.nan)
         places = np.array([self._places.get(name, unknown) for name in names]).reshape(-1, 3)
         sigmas = np.full_like(places, np.nan)
@@ -304,6 +305,27 @@ class Book:
             stochastic=self._model,
             centred=tuple(range(len(self._columns))),
         )
+
+    def _drop_carried(self, names: Collection[str]) -> None:
+        """Takes the coordinates from points that have those of an earlier one.
+
+        An instrument that moved on with its old coordinates says no place, and a sight between equal
+        places has no direction.
+        """
+        first: dict[tuple[float, float, float], str] = {}
+        carried = {
+            name: at
+            for name, place in self._places.items()
+            if name in names and not math.isnan(place[0])
+            if (at := first.setdefault(place, name)) != name and name not in self._held
+        }
+        for name in carried:
+            del self._places[name]
+        if carried:
+            shown = listed([f"{name} as {at}" for name, at in carried.items()], SHOWN)
+            self.note(
+                f"coordinates that an earlier point has already say no place, and do not count: {shown}"
+            )
 
     def _told(self) -> Iterator[str]:
         files, seen = ", ".join(self._columns.files), self._columns.names.keys()
