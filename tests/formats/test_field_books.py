@@ -75,7 +75,9 @@ def test_without_the_wrong_height_the_truth_comes_out(job, monkeypatch, tmp_path
         np.testing.assert_allclose((point.x, point.y, point.z), simulated.PLACES[point.name], atol=5e-3)
 
 
-@pytest.mark.parametrize("name", ["job.gsi", "job.jxl", "job.sdr", "nikon.raw", "job.job", "job.gts7"])
+@pytest.mark.parametrize(
+    "name", ["job.gsi", "job.jxl", "job.xml", "job.sdr", "nikon.raw", "job.job", "job.gts7"]
+)
 def test_errors_of_each_instrument_are_told(adjusted, name):
     """Collimation and index errors of two instruments, within four of their sigmas."""
     network, _ = adjusted[name]
