@@ -292,23 +292,6 @@ def test_angles_alone_of_topcon_may_come_with_the_tilt(tmp_path, tilt):
     assert book.observations.to_heights.tolist() == [0.0, 1.6, 0.0, 1.5, 1.5]
 
 
-def test_coordinates_that_moved_on_with_the_instrument_say_no_place(tmp_path):
-    """B stands 10 m east of A, whatever the file says of it, and A stays where it is."""
-    first = "STN     A,0.0,\nXYZ     500.0,300.0,20.0\nBS      B,0.0,\nSD      90.0000,90.0000,10.000\n"
-    then = "STN     B,0.0,\nXYZ     500.0,300.0,20.0\nBS      A,0.0,\nSD      0.0000,90.0000,10.000\n"
-    (tmp_path / "a.gts7").write_text(
-        f"GTS-700 v3.0\n{first}{then}SS      P,0.0,\nSD      90.0000,90.0000,5.0\n"
-    )
-    network = Network.read_project(tmp_path / "a.gts7", sigmas=SIGMAS)
-    assert "B as A" in " ".join(network.book.warnings)
-    adjusted = network.adjust()
-    places = dict(zip(adjusted.points.names, adjusted.points.coordinates, strict=True))
-    at = places["A"]
-    assert np.linalg.norm(places["B"] - at) == pytest.approx(10.0, abs=1e-6)
-    assert at == pytest.approx([500.0, 300.0, 20.0], abs=1e-3)
-    assert np.linalg.norm(places["P"] - at) == pytest.approx(np.hypot(10.0, 5.0), abs=1e-6)
-
-
 def test_coordinates_after_a_backsight_are_its_own(tmp_path):
     station, back = "STN     A,1.4,\nXYZ     1.0,2.0,3.0\n", "BS      B,1.5,\nXYZ     5.0,6.0,7.0\n"
     read(tmp_path, "a.gts7", f"GTS-700 v3.0\n{station}{back}SD      0.0,90.0,9.0\n")

@@ -180,3 +180,20 @@ def test_sixty_seconds_are_the_next_minute(tmp_path):
         for name in ("a.gsi", "b.gsi")
     ]
     np.testing.assert_allclose(values[0], values[1], rtol=1e-15)
+
+
+def test_coordinates_that_moved_on_with_the_instrument_say_no_place(tmp_path):
+    """B stands 10 m east of A, whatever the file says of it, and A stays where it is."""
+    first = "STN     A,0.0,\nXYZ     500.0,300.0,20.0\nBS      B,0.0,\nSD      90.0000,90.0000,10.000\n"
+    then = "STN     B,0.0,\nXYZ     500.0,300.0,20.0\nBS      A,0.0,\nSD      0.0000,90.0000,10.000\n"
+    (tmp_path / "a.gts7").write_text(
+        f"GTS-700 v3.0\n{first}{then}SS      P,0.0,\nSD      90.0000,90.0000,5.0\n"
+    )
+    network = Network.read_project(tmp_path / "a.gts7", sigmas=SIGMAS)
+    assert "B as A" in " ".join(network.book.warnings)
+    adjusted = network.adjust()
+    places = dict(zip(adjusted.points.names, adjusted.points.coordinates, strict=True))
+    at = places["A"]
+    assert np.linalg.norm(places["B"] - at) == pytest.approx(10.0, abs=1e-6)
+    assert at == pytest.approx([500.0, 300.0, 20.0], abs=1e-3)
+    assert np.linalg.norm(places["P"] - at) == pytest.approx(np.hypot(10.0, 5.0), abs=1e-6)
