@@ -158,20 +158,6 @@ def test_side_shots_place_their_points_and_no_others(tmp_path):
     assert any(":9: side shot to P" in text for text in network.book.warnings)
 
 
-def test_side_shots_without_standard_errors_change_nothing_else(tmp_path):
-    """Those of a class of instruments are told, unless something better is said; other lines need theirs."""
-    shot = "D A-P 50 .01\nSS A-B-S 90 20 90"
-    network = read(tmp_path, SPACE.format(shot))
-    found = {row[0]: row[4] for row in rows(network)[1:]}
-    root2 = 2.0**0.5
-    assert found == pytest.approx({"Angle": 10 * SECOND, "Dist": 2e-3, "Zen": 5 * root2 * SECOND})
-    assert "1 side shots have no standard errors" in " ".join(network.book.warnings)
-    given = read(tmp_path, SPACE.format(shot), sigmas=["distance=7mm", "angle=1sec", "zenith=1sec"])
-    assert {row[0]: row[4] for row in rows(given)[1:]}["Dist"] == pytest.approx(7e-3)
-    with pytest.raises(InputError, match="standard deviation"):
-        read(tmp_path, SPACE.format("D A-P 50"))
-
-
 def test_known_points_with_standard_errors(tmp_path):
     network = read(tmp_path, ".UNITS Meters DMS\nC A 5 7 9 0.01 0.02 ! \nC B 1 1 1\nE B 3 *\nD A-B 3 1\n")
     sigmas = network.points.sigmas

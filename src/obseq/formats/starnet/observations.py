@@ -93,8 +93,8 @@ class ObservationLines:
             many, first = len({id(line) for line in self._bare}), self._bare[0]
             self.warnings.append(
                 f"{first.file.name}:{first.index + 1}: {many} side shots have no standard errors (this is "
-                f"the first). No other point depends on them; the precisions of theirs are those that {USUAL} "
-                "of the library gives, unless --sigmas, or the lines, say better"
+                "the first). No other point depends on them; the precisions of theirs are those that "
+                f"{USUAL} of the library gives, unless --sigmas, or the lines, say better"
             )
 
     def _look_at_ways(self) -> None:
