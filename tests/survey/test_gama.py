@@ -189,7 +189,7 @@ WRONG = {
     "x and y go together": '<point id="X" x="1" />' + SIGHTS,
     "of it is not given": '<point id="X" fix="xy" />' + SIGHTS,
     "is none of": '<point id="X" adj="x" />' + SIGHTS,
-    "minutes and seconds": SIGHTS.replace("59.0334", "53-61-00"),
+    "minutes are below 60": SIGHTS.replace("59.0334", "53-61-00"),
     "has no cov-mat": '<vectors><vec from="A" to="B" dx="1" dy="1" dz="1" /></vectors>',
     'has no from: the directions of a set are from one station, which the set names; write <obs from="A">': (
         '<obs><direction from="A" to="B" val="1" stdev="5" /></obs>'
