@@ -34,7 +34,7 @@ from obseq.leastsquares.problem.arguments import are_finite
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from obseq.arrays import BoolArray, FloatArray
+    from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.leastsquares.assembly.store import StoreLayout
     from obseq.leastsquares.loops.loop_arguments import BlockTable
     from obseq.leastsquares.problem.batches import Batch
@@ -164,16 +164,21 @@ class NormalEquations:
             DivergenceError: a residual or a derivative is not finite.
         """
         whole = self._collected(viscous=True)
-        self._kept = whole._replace(values=whole.values.copy())
+        self._kept = whole._replace(values=whole.values[self._changing].copy())
         return whole.diagonal
 
+    @property
+    def _changing(self) -> IntArray | slice:
+        """The values of the matrix that a damping changes: all where it eliminates, else the diagonal."""
+        return slice(None) if self._elimination else self.pattern.diagonal
+
     def damped(self, damping: float, floor: FloatArray | None = None) -> Linearisation:
-        """The equations of the last `collect` under a damping: nothing is evaluated anew.
+        """The equations of the last `collect`, after which nothing was assembled, under a damping.
 
         Arguments and errors as of `assemble`.
         """
         values = self._store[: self.pattern.nnz]
-        values[:] = self._kept.values
+        values[self._changing] = self._kept.values
         again = self._kept._replace(values=values, gradient=self._kept.gradient.copy())
         return self._reduced(again, damping, floor)
 
