@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
-_TWO = 2
-"""Errors that may well be in one block by chance."""
 
 
 def select(
@@ -132,12 +130,10 @@ def simplified(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
         if not special.size:
             continue
         rest = [j for j in now if j != i]
-        given = tests.given(rest)
-        taken = tests.tests(given, rest, blocks=False).statistic[special]
-        best = int(np.argmax(taken))
-        whole = tests.took(now) - tests.took(rest)
-        if whole - taken[best] <= tests.limit(tests.rank(i) - 1):
-            now = [*rest, int(special[best])]
+        taken = tests.tests(tests.given(rest), rest, blocks=False).statistic[special]
+        other = [*rest, int(special[np.argmax(taken)])]
+        if tests.price(other) < tests.price(now) + tests.policy.margin:
+            now = other
     return now
 
 
@@ -154,22 +150,24 @@ def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     return [j for j in some.tolist() if hypotheses.q[inside(tests, chosen, j)].sum() >= needed(tests, j)]
 
 
-def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
-    """Blocks that are told only where a slip explains them.
+def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[list[int]]:
+    """Selections with a block in place of what it makes needless, that cost less, the cheapest first.
 
-    Names, that hold most of what is chosen; and others that hold several of them, and cost less.
+    A block such as a name is told only where a slip explains it. Its rows may be told as other errors: of two
+    sights to a point either may be the wrong one.
     """
     if len(chosen) < 2:
         return []
-    mostly = [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]]
-    blocks = np.flatnonzero(tests.hypotheses.is_block & ~tests.hypotheses.needs_slip & tests.is_solved)
-    several = [j for j in blocks.tolist() if j not in chosen and len(inside(tests, chosen, j)) > _TWO]
-    price = tests.price(chosen) if several else 0.0
-    return mostly + [
-        j
-        for j in several
-        if tests.price([*(i for i in chosen if i not in inside(tests, chosen, j)), j]) < price
+    held = np.concatenate([tests.hypotheses.of(i) for i in chosen])
+    found = tests.tests(tests.given(())).statistic > 0.0
+    blocks = np.flatnonzero(found & tests.hypotheses.is_block & (tests.hypotheses.q > 1)).tolist()
+    near = [j for j in blocks if j not in chosen and np.isin(tests.hypotheses.of(j), held).any()]
+    others = [kept(tests, [*chosen, j]) for j in near]
+    price = tests.price(chosen)
+    cheaper = [
+        other for j, other in zip(near, others, strict=True) if j in other and tests.price(other) < price
     ]
+    return sorted(cheaper, key=tests.price)
 
 
 def needed(tests: LinearTests, block: int) -> float:
