@@ -34,7 +34,7 @@ from obseq.leastsquares.problem.arguments import are_finite
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray
     from obseq.leastsquares.assembly.store import StoreLayout
     from obseq.leastsquares.loops.loop_arguments import BlockTable
     from obseq.leastsquares.problem.batches import Batch
@@ -86,6 +86,7 @@ class NormalEquations:
         self._diagonal_places[blocks] = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
         self._elimination = Elimination(table, self.layout, len(self._shares)) if len(blocks) else None
+        self._damped = slice(None) if self._elimination else self.pattern.diagonal  # what a damping changes
         self._pair_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
         self._store = np.zeros(0)  # made by the first assembly
@@ -164,13 +165,8 @@ class NormalEquations:
             DivergenceError: a residual or a derivative is not finite.
         """
         whole = self._collected(viscous=True)
-        self._kept = whole._replace(values=whole.values[self._changing].copy())
+        self._kept = whole._replace(values=whole.values[self._damped].copy())
         return whole.diagonal
-
-    @property
-    def _changing(self) -> IntArray | slice:
-        """The values of the matrix that a damping changes: all where it eliminates, else the diagonal."""
-        return slice(None) if self._elimination else self.pattern.diagonal
 
     def damped(self, damping: float, floor: FloatArray | None = None) -> Linearisation:
         """The equations of the last `collect`, after which nothing was assembled, under a damping.
@@ -178,7 +174,7 @@ class NormalEquations:
         Arguments and errors as of `assemble`.
         """
         values = self._store[: self.pattern.nnz]
-        values[self._changing] = self._kept.values
+        values[self._damped] = self._kept.values
         again = self._kept._replace(values=values, gradient=self._kept.gradient.copy())
         return self._reduced(again, damping, floor)
 
