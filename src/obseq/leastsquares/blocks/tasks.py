@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray, IndexArray, IntArray
+    from obseq.leastsquares.sparse import Sparse
 
 OF_AN_ELIMINATION = ("defect", "factor", "rest")
 """Files of an elimination, the one that is written last first."""
@@ -135,11 +136,11 @@ def reduce(
 
 
 def square(
-    folder: Path, part: str, key: str, right: FloatArray, given: list[tuple[int, FloatArray]]
+    folder: Path, part: str, key: str, right: Sparse, given: list[tuple[int, FloatArray]]
 ) -> tuple[FloatArray, FloatArray]:
     """The same, and (k,) the squares of what is found of its own unknowns: together they are b' N^-1 b."""
     prepared, solver = _factored(folder, part, key)
-    return solver.reduce_and_square(_gathered(folder, prepared, right, given))
+    return solver.reduce_and_square(_gathered(folder, prepared, right.toarray(), given))
 
 
 def expand(
@@ -160,6 +161,8 @@ def expand(
 def _gathered(
     folder: Path, prepared: Prepared, right: FloatArray, given: list[tuple[int, FloatArray]]
 ) -> FloatArray:
+    if prepared.own == prepared.solver.pattern.n and not given:
+        return right
     whole = np.zeros((prepared.solver.pattern.n, right.shape[1]))
     whole[: prepared.own] = right
     for child, rest in given:

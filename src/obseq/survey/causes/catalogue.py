@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import FloatArray, IndexArray, IntArray
+    from obseq.arrays import Array, FloatArray, IndexArray, IntArray
     from obseq.diagnosis.linear import Linear
     from obseq.survey.causes.cause import Cause, Groups, KnownCause
     from obseq.survey.causes.effects import Effects
@@ -106,7 +106,8 @@ class Catalogue:
     def _of_causes(self) -> list[Family]:
         """All others: columns of their own, or those of their rows."""
         self._n_alone = len(self.rows) + len(self.known)
-        families, start, seen = [], self._n_alone, dict[str, Any]()
+        families, start = [], self._n_alone
+        seen: dict[str, Array] = {}
         marks = np.frombuffer(Random(0).randbytes(8 * len(self._active)), dtype=np.uint64)
         for cause in CAUSES:
             for groups in cause.where(self.notes, self._active):
@@ -239,7 +240,7 @@ def _by_parts(effect: FloatArray) -> FloatArray:
     return effect if effect.ndim > 1 else effect[:, None]
 
 
-def _not_seen(groups: Groups, marks: Any, cause: Cause, seen: dict[str, Any]) -> Groups:
+def _not_seen(groups: Groups, marks: Array, cause: Cause, seen: dict[str, Array]) -> Groups:
     """Those of some groups of which no other has the same effect on the same rows."""
     if not len(groups):
         return groups
