@@ -18,7 +18,6 @@ from obseq.leastsquares.blocks.files import (
 from obseq.leastsquares.blocks.partition import Tree, entries_of
 from obseq.leastsquares.solvers.base import AT_ONCE, NUMBERS, BaseSolver
 from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics
-from obseq.leastsquares.sparse import Sparse
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -202,10 +201,9 @@ class BlockSolver(BaseSolver):
 
         def work(task: int) -> tuple[Value, ...]:
             at, own = which[task], part_of == which[task]
-            rows, shape = np.searchsorted(parts[at].own, places[own]), (len(parts[at].own), k)
-            right = Sparse.of_entries(values[own], rows, column[own], shape)
+            entries = np.searchsorted(parts[at].own, places[own]), column[own], values[own]
             below = [(i, rests.pop(child)) for i, child in enumerate(parts[at].children) if child in met]
-            return tasks.square, self._parts[at], self._keys[at], right, below
+            return tasks.square, self._parts[at], self._keys[at], entries, k, below
 
         def take(task: int, given: tuple[FloatArray, FloatArray]) -> None:
             rests[which[task]], squares = given

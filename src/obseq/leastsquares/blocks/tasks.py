@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import FloatArray, IndexArray, IntArray
-    from obseq.leastsquares.sparse import Sparse
 
 OF_AN_ELIMINATION = ("defect", "factor", "rest")
 """Files of an elimination, the one that is written last first."""
@@ -136,11 +135,21 @@ def reduce(
 
 
 def square(
-    folder: Path, part: str, key: str, right: Sparse, given: list[tuple[int, FloatArray]]
+    folder: Path,
+    part: str,
+    key: str,
+    entries: tuple[IntArray, IntArray, FloatArray],
+    k: int,
+    given: list[tuple[int, FloatArray]],
 ) -> tuple[FloatArray, FloatArray]:
-    """The same, and (k,) the squares of what is found of its own unknowns: together they are b' N^-1 b."""
-    prepared, solver = _factored(folder, part, key)
-    return solver.reduce_and_square(_gathered(folder, prepared, right.toarray(), given))
+    """The same, and (k,) the squares of what is found of its own unknowns: together they are b' N^-1 b.
+
+    Of k right-hand sides the entries are given: rows, columns, values.
+    """
+    (prepared, solver), (rows, columns, values) = _factored(folder, part, key), entries
+    right = np.zeros((prepared.own, k))
+    np.add.at(right, (rows, columns), values)
+    return solver.reduce_and_square(_gathered(folder, prepared, right, given))
 
 
 def expand(
