@@ -90,12 +90,17 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
             found = tests.tests(given, rest, blocks=bool(tests.hypotheses.is_block[i]))
             prices = tests.cost - tests.took(rest) + tests.due(rest) - gains(tests, found)
             j = int(np.argmin(prices))
-            if j != i and prices[j] < price - _TOLERANCE * (1e3 + abs(price)):
+            if j != i and is_less(float(prices[j]), price):
                 price, better = float(prices[j]), [*rest, j]
         if better is None:
             return now
         now = kept(tests, better)
     return now
+
+
+def is_less(price: float, other: float) -> bool:
+    """Whether a price is lower than another by more than rounding."""
+    return price < other - _TOLERANCE * (1e3 + abs(other))
 
 
 def _are_few(tests: LinearTests, chosen: Sequence[int]) -> bool:
@@ -156,18 +161,20 @@ def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[list[int]]:
     A block such as a name is told only where a slip explains it. Its rows may be told as other errors: of two
     sights to a point either may be the wrong one.
     """
-    if len(chosen) < 2:
+    hypotheses = tests.hypotheses
+    if not len(chosen) or (len(chosen) == 1 and not hypotheses.is_block[chosen[0]]):
         return []
-    held = np.concatenate([tests.hypotheses.of(i) for i in chosen])
+    held = np.concatenate([hypotheses.of(i) for i in chosen])
     found = tests.tests(tests.given(())).statistic > 0.0
-    blocks = np.flatnonzero(found & tests.hypotheses.is_block & (tests.hypotheses.q > 1)).tolist()
-    near = [j for j in blocks if j not in chosen and np.isin(tests.hypotheses.of(j), held).any()]
-    others = [kept(tests, [*chosen, j]) for j in near]
-    price = tests.price(chosen)
-    cheaper = [
-        other for j, other in zip(near, others, strict=True) if j in other and tests.price(other) < price
-    ]
-    return sorted(cheaper, key=tests.price)
+    blocks = np.flatnonzero(found & hypotheses.is_block & (hypotheses.q > 1)).tolist()
+    price, others = tests.price(chosen), []
+    for j in blocks:
+        own = hypotheses.of(j)
+        if j in chosen or not np.isin(own, held).any():
+            continue
+        other = kept(tests, [*(i for i in chosen if not np.isin(hypotheses.of(i), own).any()), j])
+        others += [other] if j in other and tests.price(other) < price else []
+    return sorted(others, key=tests.price)
 
 
 def needed(tests: LinearTests, block: int) -> float:
