@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.images.causes.cause import Cause, Members
-from obseq.images.causes.coordinates import slips_of_a_coordinate, slips_of_a_point
-from obseq.images.causes.pixels import slips_of_a_pixel
+from obseq.images.causes.slips import slips_of_a_coordinate, slips_of_a_pixel, slips_of_a_point
 
 if TYPE_CHECKING:
     from obseq.images.causes.numbering import Numbering
