@@ -19,7 +19,7 @@ from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
 from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
-from obseq.diagnosis.verdict import Status, Verdict
+from obseq.diagnosis.verdict import ASTRAY, UNDETERMINED, Status, Verdict
 from obseq.errors import ObseqError, SingularSystemError
 
 if TYPE_CHECKING:
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Model
 
     Told = Callable[[str], None]
-
-
-ASTRAY = "no adjustment without what may be wrong converges"
-UNDETERMINED = "the observations leave some unknowns undetermined, so that nothing can be tested"
 
 
 def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = None) -> Verdict:
@@ -212,7 +208,7 @@ class Search(Generic[Place]):
             off[hypotheses.family[alone] == one].mean() for one in set(hypotheses.family[alone].tolist())
         ]
         count = int(np.count_nonzero(off))
-        is_shared = policy.whole < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
+        is_shared = policy.half < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
         if count <= (policy.few if is_shared else policy.most):
             return 0
         few = select(tests, _suspected_blocks(tests)[: policy.few], most=policy.few)
