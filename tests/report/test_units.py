@@ -10,7 +10,7 @@ import pytest
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.records.shown_units import ShownUnits, chosen_units
-from obseq.report import units
+from obseq.report.tables import units
 from obseq.survey import Network
 
 FEET = units.Units(ShownUnits("us-ft", "dms"))

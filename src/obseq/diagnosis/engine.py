@@ -18,7 +18,7 @@ from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
-from obseq.diagnosis.selection import equals, gains, inside, merged, needed, select
+from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
 from obseq.diagnosis.verdict import Status, Verdict
 from obseq.errors import ObseqError
 
@@ -187,19 +187,27 @@ class Search(Generic[Place]):
         return not is_one and not (self._is_large and len(best.chosen) >= self._policy.most)
 
     def _too_many(self, robust: Place) -> int:
-        """How many rows are off at a robust place, if more than may be told and no few errors explain it."""
-        tests, policy = self._tests(robust), self._policy
-        rows = self._hypotheses.columns[self._hypotheses.starts[:-1][self._hypotheses.is_start]]
-        count = int(np.count_nonzero(np.abs(tests.off[rows]) > policy.suspect))
-        if count <= policy.most or count > policy.half * tests.linear.redundancy:
-            return count if count > policy.most else 0
+        """How many rows are off at a robust place, if they are many and no few errors explain it.
+
+        More than may be told, or most of a kind: such as the known coordinates.
+        """
+        tests, policy, hypotheses = self._tests(robust), self._policy, self._hypotheses
+        alone = np.flatnonzero(hypotheses.is_start)
+        off = np.abs(tests.off[hypotheses.columns[hypotheses.starts[:-1][alone]]]) > policy.suspect
+        shares = [
+            off[hypotheses.family[alone] == one].mean() for one in set(hypotheses.family[alone].tolist())
+        ]
+        count = int(np.count_nonzero(off))
+        is_shared = policy.whole < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
+        if count <= (policy.few if is_shared else policy.most):
+            return 0
         few = select(tests, _suspected_blocks(tests)[: policy.few], most=policy.few)
-        left, spare = tests.cost - tests.took(few), tests.linear.redundancy - sum(map(tests.rank, few))
-        return 0 if left <= accepted(spare, policy) else count
+        return 0 if _explain(tests, few) else count
 
     def _by_one(self, solution: Place) -> Explanation[Place] | None:
         """One hypothesis that explains all that least squares show, and is proved by its adjustment."""
-        if len(self._selected(self._tests(solution), [], is_robust=False)) != 1:
+        tests = self._tests(solution)
+        if not _explain(tests, select(tests, most=1)):
             return None
         found = self._adapted(solution, is_robust=False)
         is_proved = found is not None and found.is_accepted and len(found.chosen) == 1
@@ -287,6 +295,8 @@ class Search(Generic[Place]):
                 tests = self._tests(place, applied)
                 bent = self._to_try(tests) if turn == 0 and not applied else bent
                 chosen = self._selected(tests, [change.index for change in applied], is_robust=is_robust)
+                if before and not is_less(tests.price(chosen), tests.price(before)):
+                    chosen = before  # of equals, that which the place is adjusted without
                 if chosen == before or not chosen:
                     return Explanation(tests.price(chosen), tests, chosen, place), bent
                 before, changes = chosen, [Change(i, *s) for i, s in tests.sizes(chosen).items()]
@@ -337,6 +347,12 @@ class Search(Generic[Place]):
         which = np.flatnonzero(self._hypotheses.is_bent & (found.statistic > least))
         which = which[np.argsort(-found.statistic[which], kind="stable")][: self._policy.trials]
         return tuple(change_of(tests, int(i)) for i in which)
+
+
+def _explain(tests: LinearTests, chosen: Sequence[int]) -> bool:
+    """Whether the overall test accepts what hypotheses leave at a linearisation."""
+    spare = tests.linear.redundancy - sum(map(tests.rank, chosen))
+    return tests.cost - tests.took(chosen) <= accepted(spare, tests.policy)
 
 
 def _cheapest(tests: LinearTests, found: list[list[int]]) -> list[int]:

@@ -10,8 +10,8 @@ from msgspec import structs
 
 from obseq.printable import listed
 from obseq.report.head import Finding, Findings, Place, counted
-from obseq.report.named import ellipse_level, short_names, unit_of
 from obseq.report.said import length, name, observed, small
+from obseq.report.tables.named import ellipse_level, short_names, unit_of
 from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 

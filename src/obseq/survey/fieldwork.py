@@ -41,7 +41,7 @@ from obseq.survey.sights.graph_building import Graphs
 if TYPE_CHECKING:
     from obseq.diagnosis.policy import Policy
     from obseq.leastsquares import Blocks, LeastSquaresResult
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
     from obseq.survey.adjustment.computation import Computation, Computed
@@ -134,7 +134,7 @@ class Fieldwork:
     @property
     def units(self) -> Units:
         """Units in which values are told, and were written."""
-        from obseq.report.units import Units
+        from obseq.report.tables.units import Units
 
         return Units(self.shown or METRIC, self.written or METRIC)
 

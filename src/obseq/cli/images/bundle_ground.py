@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import positive_number
-from obseq.errors import InputError
 
 if TYPE_CHECKING:
     import argparse
@@ -96,11 +95,6 @@ def carried_by(arguments: argparse.Namespace) -> Carried:
     """What the options say of how positions are carried."""
     from obseq.formats.blocks.observations import Carried
 
-    needs = ("lever_arm_sigma", "lever_arm"), ("readout_sigma", "readout")
-    for option, other in needs:
-        if getattr(arguments, option) is not None and getattr(arguments, other) is None:
-            name, needed = option.replace("_", "-"), other.replace("_", "-")
-            raise InputError(f"--{name} goes with --{needed}")
     sigma, readout, spread = arguments.lever_arm_sigma, arguments.readout, arguments.readout_sigma
     return Carried(
         None if arguments.lever_arm is None else tuple(arguments.lever_arm),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Slip
 from obseq.records.shown_units import METRIC
-from obseq.report.units import Units
+from obseq.report.tables.units import Units
 from obseq.survey.causes.catalogue import KNOWN, ROW
 from obseq.survey.causes.values import explain
 from obseq.survey.diagnosing.words import told

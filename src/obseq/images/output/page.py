@@ -38,7 +38,7 @@ from obseq.report.head import (
 from obseq.report.page import document
 from obseq.report.said import name, small
 from obseq.report.summary import Outcome, listing
-from obseq.report.units import METRIC, significant
+from obseq.report.tables.units import METRIC, significant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -269,8 +269,9 @@ def _batch_layouts(
 ) -> tuple[BlockTable, ...]:
     result, first = [], 0
     for batch in batches:
-        last = first + batch.n * len(role_pairs(len(batch.blocks)))
-        result.append(_batch_layout(batch, places, occurrence[first:last].reshape(-1, batch.n)))
+        count = len(role_pairs(len(batch.blocks)))
+        last = first + batch.n * count
+        result.append(_batch_layout(batch, places, occurrence[first:last].reshape(count, batch.n)))
         first = last
     return tuple(result)
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray
     from obseq.diagnosis.protocol import Change
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
     from obseq.survey.causes.catalogue import Named
     from obseq.survey.causes.effects import Effects
     from obseq.survey.equations.point_system import PointSystem

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from obseq.leastsquares import Batch, LeastSquaresResult
     from obseq.leastsquares.problem.losses import GemanMcClure, Huber
     from obseq.leastsquares.problem.unknowns import State
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
     from obseq.survey.causes.cause import KnownCause
     from obseq.survey.causes.slips import Evidence
     from obseq.survey.equations.equations import Equations

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
     from obseq.survey.adjustment.adjusted import Adjustment
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]

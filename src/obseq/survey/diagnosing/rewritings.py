@@ -147,7 +147,7 @@ def part_that_shows(notes: Notes, off_points: IntArray, most: int) -> BoolArray 
 
 
 def _raced(model: NetworkModel, some: Iterable[Rewritten], begin: Begin, noise: float) -> list[Trial]:
-    """The trials of some mistakes: those that look best at a glance are computed to their end.
+    """The trials of some mistakes: those that look best at a glance, and better than none, are computed.
 
     Args:
         model: The network.
@@ -158,8 +158,9 @@ def _raced(model: NetworkModel, some: Iterable[Rewritten], begin: Begin, noise: 
     possible = (one for one in some if is_possible(one.slip, model.units))
     seen = sorted((one for one in map(partial(_glanced, model, begin), possible) if one), key=itemgetter(0))
     trials: list[Trial] = []
+    as_given = model.contradictions(model.soon())[0] if seen else 0.0
     for left, one, other in seen[: POLICY.trials]:
-        if trials and min(map(_price, trials)) < noise < left:
+        if left >= as_given or (trials and min(map(_price, trials)) < noise < left):
             break
         if (trial := _tried(model, one, other)) is not None:
             trials.append(trial)
