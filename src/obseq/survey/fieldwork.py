@@ -40,7 +40,7 @@ from obseq.survey.sights.graph_building import Graphs
 
 if TYPE_CHECKING:
     from obseq.diagnosis.policy import Policy
-    from obseq.leastsquares import Blocks, LeastSquaresResult
+    from obseq.leastsquares import Blocks
     from obseq.report.tables.units import Units
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment

@@ -76,7 +76,7 @@ def leave_out(given: Determined, undetermined: Sequence[Unplaced]) -> Determined
 
 
 def part_of(points: Points, book: FieldBook, kept: BoolArray) -> tuple[Points, FieldBook]:
-    """Some of the points (a mask), as if they were not correlated, and the observations between them alone."""
+    """Some of the points (a mask), as if they were not correlated, and nothing but what joins them."""
     active = _still_active(book, ~kept, ~kept[book.stations.origins])
     own = book.only(active)
     subset = replace(points.subset(np.flatnonzero(kept)), covariance=None)
