@@ -19,6 +19,7 @@ FILES = (
     "boundary",
     "dataclass",
     "errors",
+    "graphs",
     "module_texts",
     "packages",
     "pools",

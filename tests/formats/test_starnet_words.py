@@ -1,4 +1,6 @@
-"""What STAR*NET files are refused for, in words that say how a line was read."""
+"""What lines of STAR*NET say, and what they are refused for, in words that say how they were read."""
+
+import math
 
 import pytest
 
@@ -27,3 +29,10 @@ def test_a_line_that_cannot_be_used_says_how_it_was_read(tmp_path, line, message
     (tmp_path / "n.dat").write_text(f"{SITE}{line}\n")
     with pytest.raises(InputError, match=message):
         Network.read_project(tmp_path / "n.dat")
+
+
+def test_a_negative_angle_is_the_rest_of_a_turn(tmp_path):
+    (tmp_path / "n.dat").write_text(f"{SITE}A A-P-B -53-07-48.4 5\n")
+    book = Network.read_project(tmp_path / "n.dat", sigmas=["angle=5sec"]).book
+    wanted = 2.0 * math.pi - math.atan2(80.0, 60.0)
+    assert book.observations.values.tolist() == [pytest.approx(wanted, abs=1e-6)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import field
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -39,6 +40,7 @@ class Columns:
 
     matrix: Sparse | FloatArray
     is_local: BoolArray
+    _kept: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
     def norms(self) -> FloatArray:
         """(k,) length of each."""
@@ -54,6 +56,7 @@ class Columns:
     def scale(self, lengths: FloatArray) -> None:
         """Divides them by lengths (k,), in place: those of a large network are not copied."""
         matrix = self.matrix
+        self._kept.clear()
         if isinstance(matrix, np.ndarray):
             matrix /= lengths
         else:
@@ -177,9 +180,12 @@ class Columns:
         ]
 
     def _through(self, linear: Linear) -> tuple[FloatArray, FloatArray]:
-        """A' C, and Q A' C."""
-        through = np.asarray(linear.rows.T @ cast("FloatArray", self.matrix))
-        return through, linear.solve(np.ascontiguousarray(through)) if len(through) else through
+        """A' C, and Q A' C; of a plain array they are kept: tests of sets ask for them again."""
+        if not self._kept:
+            through = np.asarray(linear.rows.T @ cast("FloatArray", self.matrix))
+            solved = linear.solve(np.ascontiguousarray(through)) if len(through) else through
+            self._kept.append((through, solved))
+        return self._kept[0]
 
 
 def _through(linear: Linear, columns: Sparse) -> FloatArray:

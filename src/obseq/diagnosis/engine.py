@@ -198,7 +198,7 @@ class Search(Generic[Place]):
             off[hypotheses.family[alone] == one].mean() for one in set(hypotheses.family[alone].tolist())
         ]
         count = int(np.count_nonzero(off))
-        is_shared = policy.whole < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
+        is_shared = policy.half < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
         if count <= (policy.few if is_shared else policy.most):
             return 0
         few = select(tests, _suspected_blocks(tests)[: policy.few], most=policy.few)

@@ -10,6 +10,7 @@ from obseq.diagnosis.verdict import Status
 from obseq.images.causes.images import CAMERA_IMAGES, IMAGE
 from obseq.images.causes.other_observation import OTHER, survey_equation
 from obseq.images.causes.points import CONTROL_COORDINATE, CONTROL_POINT
+from obseq.printable import listed
 from obseq.records.diagnosis import (
     AccusedRecord,
     DiagnosisRecord,
@@ -139,9 +140,7 @@ def _text(what: str, one: Accusation, named: Named, others: list[str], survey: S
     text = f"{what}{size or ' is wrong'}{told}"
     if not others:
         return text
-    if len(others) >= MOST_NAMED:
-        return f"{text}; or {len(others)} others, nothing tells them apart"
-    return f"{text}; or {', or '.join(others)}: nothing tells them apart"
+    return f"{text}; or {listed(others, MOST_NAMED)}: nothing tells them apart"
 
 
 def _sizes(size: FloatArray, unit: str) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.graphs import parts
 from obseq.leastsquares.loops.loop_arguments import Groups
 from obseq.leastsquares.loops.sorting import distinct_pairs, sorted_by
 
@@ -102,13 +103,7 @@ def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> Inde
     """(n_blocks,) group of each eliminated block, -1 for the others."""
     group = np.where(eliminated, np.cumsum(eliminated, dtype=np.int32) - 1, -1).astype(np.int32)
     if len(rows):
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        n = int(np.count_nonzero(eliminated))
-        joined = coo_array((np.ones(len(rows)), (group[rows], group[columns])), shape=(n, n))
-        _, labels = connected_components(joined, directed=False)
-        group[eliminated] = labels
+        group[eliminated] = parts(int(np.count_nonzero(eliminated)), group[rows], group[columns])
     return group
 
 

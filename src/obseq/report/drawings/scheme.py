@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.graphs import parts
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
@@ -54,13 +56,11 @@ def _lengths(sigmas: FloatArray) -> FloatArray:
 def _placed(ends: IntArray, lengths: FloatArray, n: int) -> FloatArray:
     """(n, 2) places of points, part by part of what hangs together, the parts beside each other."""
     from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
 
     graph = csr_array((lengths, (ends[:, 0], ends[:, 1])), shape=(n, n))
     graph = graph.maximum(graph.T)
-    count, labels = connected_components(graph, directed=False)
-    places, left = np.zeros((n, 2)), 0.0
-    for label in range(count):
+    labels, places, left = parts(n, ends[:, 0], ends[:, 1]), np.zeros((n, 2)), 0.0
+    for label in range(labels.max(initial=-1) + 1):
         rows = np.flatnonzero(labels == label)
         part = _lying(_part(graph[rows][:, rows]))
         places[rows] = part - part.min(axis=0) + (left, 0.0)

@@ -12,6 +12,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
+from obseq.graphs import outwards
 from obseq.survey.causes.rewriting import rewritten
 from obseq.survey.causes.values import is_possible
 from obseq.survey.initial.left_out import part_of
@@ -127,13 +128,9 @@ def part_that_shows(notes: Notes, off_points: IntArray, most: int) -> BoolArray 
     rows = notes.book.observations
     if np.count_nonzero(rows.active) <= most:
         return None
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import breadth_first_order
-
     n = len(notes.points)
     ends = rows.from_points[rows.active], rows.to_points[rows.active]
-    graph = coo_array((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
-    order, before = breadth_first_order(graph, int(np.argmax(off_points)), directed=False)
+    order, before = outwards(n, *ends, int(np.argmax(off_points)))
     rank = np.full(n, n)
     rank[order] = np.arange(len(order))
     cut = min(int(np.sort(np.maximum(rank[ends[0]], rank[ends[1]]))[most]), n - 1)
