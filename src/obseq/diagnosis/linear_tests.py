@@ -176,7 +176,7 @@ class LinearTests:
         is_set = int(columns.shape[1] > 1)
         apart = np.max(shown[columns] ** 2 / self._apart[columns].clip(_TINY), axis=1)
         order = np.argsort(-apart, kind="stable")[: self._still[is_set]]
-        chosen = which[order[apart[order] > self.policy.screen**2]]
+        chosen: IntArray = which[order[apart[order] > self.policy.screen**2]]
         self._still[is_set] -= len(chosen)
         return chosen
 
