@@ -90,10 +90,8 @@ class Search(Generic[Place]):
                 return judged(self._model, best, "")
         robust = self._robust(())
         self._places = [(robust, True), (solution, False)]
-        if robust is None:
-            return None
-        self.count = self._too_many(robust)
-        if self.count:
+        self.count = 0 if robust is None else self._too_many(robust)
+        if robust is None or self.count:
             return None
         self._from_next()
         best = self._best
