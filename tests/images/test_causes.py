@@ -10,10 +10,10 @@ from accused import codes, diagnosis, said
 
 from obseq.errors import InputError, ObseqError
 from obseq.images import BundleAdjustment, ControlPoints, ImagePoints
-from obseq.images.causes import trials
 from obseq.images.causes.axes import with_exchanged_axes
 from obseq.images.causes.shared import SharedCause, Told
-from obseq.images.causes.trials import Tries, due_for_missing
+from obseq.images.diagnosing import trials
+from obseq.images.diagnosing.trials import Tries, due_for_missing
 from obseq.images.initial import growth
 
 
