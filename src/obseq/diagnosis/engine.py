@@ -92,7 +92,10 @@ class Search(Generic[Place]):
         self._places = [(robust, True), (solution, False)]
         if robust is None:
             return None
-        self.count = self._too_many(robust)
+        try:
+            self.count = self._too_many(robust)
+        except ObseqError:  # nothing can be tested where all determines too little
+            return None
         if self.count:
             return None
         self._from_next()
