@@ -249,7 +249,7 @@ INSIDE: dict[str, dict[str, tuple[str, ...]]] = {
         "gvx": ("dynadjust", "project"),
         "snap": ("dynadjust", "includes", "project"),
         "starnet": ("columns", "default_sigmas", "includes", "levelled_points", "project", "stochastic"),
-        "landxml": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
+        "landxml": ("fieldbooks", "project"),
         "fieldbooks": ("columns", "default_sigmas", "levelled_points", "project", "stochastic"),
         "registry": ("catalogue", "once", "project"),
         "vertical_factors": (),

@@ -206,7 +206,7 @@ class ObservationReader:
         ]
 
     def _coordinates(self, element: Element, defaults: Defaults) -> list[_Scalar]:
-        element.allow((), ("point", "cov-mat"))
+        element.allow(("extern",), ("point", "cov-mat"))
         _require_matrix(element)
         return [s for child in element.named("point") for s in self._coordinate(child, defaults)]
 
