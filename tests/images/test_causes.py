@@ -12,7 +12,7 @@ from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ImagePoints
 from obseq.images.causes import trials
 from obseq.images.causes.shared import SharedCause, Told
-from obseq.images.causes.trials import Tries
+from obseq.images.causes.trials import Tries, due_for_missing
 from obseq.images.initial import growth
 
 
@@ -195,3 +195,33 @@ def test_nothing_else_is_tried_where_a_sure_cause_explains_all(monkeypatch, is_s
     tries = Tries(SimpleNamespace(solution=None, given=None), str, {})
     found = tries.best([cause("first"), cause("second")])
     assert tried == ["first", "second"][:asked] and len(found) == asked
+
+
+@pytest.mark.parametrize("off", [-14.0, 35.0, 2500.0])
+@pytest.mark.parametrize("is_free", [True, False])
+def test_a_control_coordinate_that_is_far_off_is_named_however_far(off, is_free):
+    """Also where the point lies behind cameras then, or iterations lead to no camera that is possible."""
+    block, _, _ = scenes.block(n_images=5, n_points=18, n_control=9, seed=4)
+    block.freeze_parameters("K.|p.|b." if is_free else ".*")
+    block.poses = block.poses.select([])
+    block.control.coordinates[6, 1] += off
+    try:
+        (one,) = diagnosis(block).accused
+    except InputError as error:
+        assert "Likely cause: y of control point P6 is off by" in str(error)
+    else:
+        assert one.what == "y of control point P6" and one.size == pytest.approx([off], abs=0.05)
+
+
+def test_image_points_that_an_explanation_leaves_out_are_paid_for_as_errors():
+    block = _block(n_images=4, n_points=12)
+    whole = block.solve()
+    assert due_for_missing(whole) == 0.0
+    (part,) = block.sets
+    few = part.measures.point >= 10
+    less = block.solve()
+    object.__setattr__(less, "block", block)
+    residuals = less.residuals
+    kept = ~few[residuals.row]
+    object.__setattr__(less, "residuals", replace(residuals, point=residuals.point[kept]))
+    assert due_for_missing(less) / np.count_nonzero(few) > 10.0

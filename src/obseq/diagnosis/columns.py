@@ -12,7 +12,7 @@ from obseq.dataclass import dataclass
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
     from obseq.diagnosis.linear import Linear
     from obseq.leastsquares.sparse import Sparse
 
@@ -118,11 +118,11 @@ class Columns:
             weights[local] = 1.0 - through.dots(through @ cast("Sparse", linear.cofactors))
         return weights
 
-    def _units(self, linear: Linear) -> IntArray:
+    def _units(self, linear: Linear) -> IndexArray:
         """(k,) first equation of the observation that a column changes; negative for several or none."""
         each, taken = self._each, cast("Sparse", linear.taken)
         first = taken.columns[taken.starts[:-1]]
-        found = np.full(each.shape[0], _NONE)
+        found = np.full(each.shape[0], _NONE, np.int32)
         (some,) = np.nonzero(each.counts)
         if some.size:
             owners = first[each.columns]

@@ -19,12 +19,13 @@ from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
 from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
-from obseq.diagnosis.verdict import Status, Verdict
-from obseq.errors import ObseqError
+from obseq.diagnosis.verdict import ASTRAY, UNDETERMINED, Status, Verdict
+from obseq.errors import ObseqError, SingularSystemError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from obseq.arrays import FloatArray
     from obseq.diagnosis.policy import Policy
     from obseq.diagnosis.protocol import Model
 
@@ -35,6 +36,11 @@ def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = N
     """What is wrong with a model, or that nothing is."""
     search = Search(model, policy, told)
     return search.at_first() or search.patiently()
+
+
+def _gains_at_first(tests: LinearTests) -> FloatArray:
+    """(h,) as `gains`, nothing being accepted."""
+    return gains(tests, tests.tests(tests.given(()), blocks=False))
 
 
 def noise(model: Model[Place]) -> float:
@@ -70,7 +76,7 @@ class Search(Generic[Place]):
     def __init__(self, model: Model[Place], policy: Policy, told: Told | None = None) -> None:
         self._model, self._policy = model, policy
         self._hypotheses = model.hypotheses
-        self._steps, self._told = 0, told
+        self._steps, self._told, self._reason = 0, told, ASTRAY
         self._last: tuple[Place, LinearTests] | None = None
         self._is_large = False
         self._places: list[tuple[Place | None, bool]] = []
@@ -108,22 +114,31 @@ class Search(Generic[Place]):
         """What is wrong, from all places where that may be seen."""
         best = self._from_all_places()
         if best is None:
-            return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
+            return Verdict(Status.UNDECIDED, reason=self._reason)
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
         return judged(self._model, best, spent if self._is_spent and self._budget else "")
 
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended, if it is a place to test anything at."""
+        return self._testable(self._model.solution)
+
+    def _testable(self, found: Callable[[], Place | None]) -> Place | None:
+        """A place, if it is found, and observations determine the unknowns there."""
         try:
-            return self._model.solution()
+            place = found()
+            if place is not None:
+                self._tests(place)
+        except SingularSystemError:
+            self._reason = UNDETERMINED
+            return None
         except ObseqError:
             return None
+        return place
 
     def _of_nothing(self, solution: Place) -> Verdict | None:
         """That a solution shows nothing, or nothing that has a name; else None."""
         tests = self._tests(solution)
-        found = tests.tests(tests.given(()), blocks=False)
-        told = np.flatnonzero(np.isfinite(gains(tests, found))).tolist()
+        told = np.flatnonzero(np.isfinite(_gains_at_first(tests))).tolist()
         is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
         if is_accepted and all(tests.is_small(i, [i]) for i in told):
             return judged(self._model, Explanation(0.0, tests, tuple(select(tests)), solution), "")
@@ -244,10 +259,7 @@ class Search(Generic[Place]):
 
     def _robust(self, without: Sequence[Change]) -> Place | None:
         self._spend(26)
-        try:
-            return self._model.robust(without)
-        except ObseqError:
-            return None
+        return self._testable(lambda: self._model.robust(without))
 
     def _without_the_worst(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a robust start without the row of the largest test, which may have spoiled the first."""

@@ -224,6 +224,8 @@ class LinearTests:
             return self.given(more).with_less(self._own_columns(chosen))
         rest = next((key for key, held in known.items() if held < own), ())
         before = self._given[rest] if rest else Given(np.zeros((0, len(self.shown))), self.shown, np.zeros(0))
+        if not chosen:
+            return before
         columns = self._own_columns([i for i in chosen if i not in rest])
         self._solve_for(columns)
         across = np.array([self._across[k] for k in columns.tolist()]).reshape(len(columns), len(self.shown))
@@ -231,12 +233,12 @@ class LinearTests:
 
     def tests(self, given: Given, skip: Sequence[int] = (), *, blocks: bool = True) -> Tested:
         """T of every hypothesis and what it must exceed; of blocks where enough of their rows stand out."""
+        self._weigh_sets(given.shown)
         weight = self._left_of_weights(given)
         seen = weight > self.policy.unseen
         alone = np.where(seen, given.shown**2 / np.where(seen, weight, 1.0), 0.0)
-        statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int64)
+        statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int32)
         statistic[self._single] = alone[self._at_single]
-        self._weigh_sets(given.shown)
         for which, columns, grams in self._sets:
             across = given.basis[:, columns].transpose(1, 0, 2)
             left = np.nan_to_num(grams) - across.transpose(0, 2, 1) @ across

@@ -68,7 +68,7 @@ def _of_images(subject: Subject, conventions: tuple[Convention, ...]) -> Iterato
     for each in conventions:
         made = _measured(subject, partial(each.of, cameras=cameras))
         if made is not None:
-            yield Trial.saying(each.trial, each.said, made)
+            yield Trial.saying(each.trial, Told(each.said), made)
 
 
 def _image_axes(subject: Subject) -> Iterator[Trial]:
@@ -94,16 +94,12 @@ def _control_axes(subject: Subject) -> Iterator[Trial]:
         made.control = with_exchanged_axes(control, order)
         said = f"{axes} of the control points are exchanged ({here})"
         told = Told(said, likelier=LIKELIER if _are_northings_first(control) else 0.0)
-        yield Trial(f"{axes} of control points exchanged", made, partial(_telling, told=told))
+        yield Trial.saying(f"{axes} of control points exchanged", told, made)
     if len(subject.given):
         made = _as_given(subject)
         made.control = replace(control, coordinates=control.coordinates * [1.0, 1.0, -1.0])
         said = "the heights of the control points count downwards (z goes up here)"
-        yield Trial.saying("heights of control points counted downwards", said, made)
-
-
-def _telling(found: BundleSolution, told: Told) -> Told:
-    return told
+        yield Trial.saying("heights of control points counted downwards", Told(said), made)
 
 
 def _are_northings_first(control: ControlPoints) -> bool:
@@ -121,7 +117,7 @@ def _turned_back(subject: Subject) -> Iterator[Trial]:
             made = _as_given(subject)
             made.cameras = {**made.cameras, **cameras}
             said = "principal points were given for images that have been turned by 90 degrees since"
-            yield Trial.saying(f"principal points turned by {quarter} degrees", said, made)
+            yield Trial.saying(f"principal points turned by {quarter} degrees", Told(said), made)
 
 
 def _clockwise(camera: Camera) -> FloatArray:

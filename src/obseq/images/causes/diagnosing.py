@@ -14,11 +14,12 @@ from obseq.diagnosis.policy import POLICY, Policy
 from obseq.diagnosis.verdict import Status
 from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
-from obseq.images.causes.given_poses import GIVEN_POSES, compared
+from obseq.images.causes.given_poses import GIVEN_POSES
 from obseq.images.causes.images import IMAGE
 from obseq.images.causes.largest_tests import sizes_of_tests
 from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
+from obseq.images.causes.pose_rewritings import compared
 from obseq.images.causes.record import record_of_fits, record_of_verdict
 from obseq.images.causes.shared import Subject
 from obseq.images.causes.starts import start_from_images, start_from_measures

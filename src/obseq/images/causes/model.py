@@ -169,7 +169,7 @@ class BlockModel:
             system.set_values([block], cameras[name].parameters[None])
         known = {name: k for k, name in enumerate(start.points)}
         rows = [row for row, name in enumerate(equations.start.points) if name in known]
-        places = start.coordinates[[known[equations.start.points[row]] for row in rows]]
+        places = start.places[[known[equations.start.points[row]] for row in rows]]
         good = np.isfinite(places).all(axis=1)
         system.set_values(equations.points[np.array(rows, np.int64)[good]], places[good])
 

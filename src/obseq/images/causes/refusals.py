@@ -78,7 +78,9 @@ def _of_no_solution(
     held.poses = subject.given
     held.freeze_parameters()
     found = tries.solved(held)
-    return diagnosed(found, subject.given, told, **options) if found is not None else None
+    if found is None:
+        return _single_errors(subject.block)
+    return diagnosed(found, subject.given, told, **options)
 
 
 def why_unplaced(block: AdjustableBlock, growth: Growth) -> DiagnosisRecord | None:

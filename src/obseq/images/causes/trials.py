@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.diagnosis.explanation import accepted
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
+from obseq.images.adjustment.start import LEAST_RAYS
 from obseq.images.causes.comparison import is_mirrored, moved, principal_shift
 from obseq.images.causes.registry import SHARED
+from obseq.images.measures import ImagePoints
+from obseq.images.names import are_among
+from obseq.leastsquares.statistics.distributions import chi_square_limit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -33,21 +40,29 @@ class Fit:
         cause: of the change.
         told: what its solution tells.
         solution: of it.
+        left: weighted sum of squares that it leaves, with what is due for image points that take no part.
     """
 
     cause: SharedCause
     told: Told
     solution: BundleSolution
-
-    @property
-    def left(self) -> float:
-        """Weighted sum of squares that it leaves."""
-        return squares(self.solution)
+    left: float
 
     @property
     def is_accepted(self) -> bool:
         """Whether the overall test accepts that."""
-        return is_accepted(self.solution)
+        return is_accepted(self.solution) and self.left <= accepted(self.solution.result.redundancy, POLICY)
+
+
+def due_for_missing(solution: BundleSolution) -> float:
+    """What an explanation pays for image points that it leaves out, as for errors in each of them."""
+    block = solution.block
+    measures = functools.reduce(ImagePoints.joined, (part.measures for part in block.sets))
+    rays = np.bincount(measures.point, minlength=len(measures.point_names))
+    known = are_among(measures.point_names, {*block.control.names, *block.joined_points})
+    wanted = int(rays[known | (rays >= LEAST_RAYS)].sum())
+    missing = max(wanted - len(solution.residuals.point), 0)
+    return missing * chi_square_limit(2, above=POLICY.false_alarm / max(wanted, 1))
 
 
 def squares(solution: BundleSolution) -> float:
@@ -109,11 +124,15 @@ class Tries:
         """The solution of a changed block, where it fits and tells something."""
         self._told(f"the block does not fit: trying {trial.what}")
         solution = self.solved(trial.block)
+        if solution is not None and trial.then is not None:
+            for further in trial.then(solution):
+                yield from self._fit(cause, further)
+            return
         if solution is None or not self._fits(solution):
             return
         told = trial.told(solution)
         if told.said:
-            yield Fit(cause, told, solution)
+            yield Fit(cause, told, solution, squares(solution) + due_for_missing(solution))
 
     def solved(self, block: AdjustableBlock) -> BundleSolution | None:
         """The solution of a block, if it converges."""
@@ -130,11 +149,12 @@ class Tries:
         """Whether a solution is accepted, or has lost most of what was left before."""
         if is_mirrored(found):
             return False
+        left = squares(found) + due_for_missing(found)
         before = self._subject.solution
         if before is not None and is_good(before):
             return is_accepted(found) or (not is_accepted(before) and squares(found) <= squares(before))
-        if is_accepted(found):
+        if is_accepted(found) and left <= accepted(found.result.redundancy, POLICY):
             return True
         if before is None or before.sigma0 is None or is_mirrored(before):
-            return not may_be_shared(squares(found), found.result.redundancy)
-        return squares(found) <= POLICY.share * squares(before)
+            return not may_be_shared(left, found.result.redundancy)
+        return left <= POLICY.share * (squares(before) + due_for_missing(before))

@@ -58,7 +58,8 @@ def _scales(block: Block, poses: Poses) -> Iterator[tuple[float, float]]:
     ]
     if ratios and max(ratios) < (1.0 + SAME) * min(ratios):
         yield float(np.median(ratios)), 0.0
-    for given in (poses, *(part.poses for part in block.pose_observations)):
+    turned = (part.poses for part in block.pose_observations if part.rotation_sigma is not None)
+    for given in (poses, *turned):
         yield from _by_rays(block, given)
 
 
