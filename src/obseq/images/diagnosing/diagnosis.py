@@ -11,6 +11,7 @@ from msgspec import structs
 
 from obseq.cached import cached_property
 from obseq.diagnosis.engine import Search, diagnose
+from obseq.diagnosis.judgement import MANY as MANY_ERRORS
 from obseq.diagnosis.policy import POLICY, Policy
 from obseq.diagnosis.verdict import Status
 from obseq.errors import SingularSystemError
@@ -102,7 +103,16 @@ def diagnosed(
     if is_explained and measures <= MOST_PLACED and _may_be_mirrored(block, found):
         return with_mirrors(found, Tries(subject, told, options).best([IMAGE_AXES, CONTROL_AXES]))
     fits = Tries(subject, told, options).best([UNIT_OF_CONTROL]) if measures <= MOST_PLACED else []
-    return record_of_fits(fits) if fits and _is_cheaper(fits[0], found) else found
+    if fits and _is_cheaper(fits[0], found):
+        return record_of_fits(fits)
+    is_little = bool(found.accused) and not is_explained and may_be_shared(found.left, redundancy)
+    return _unlisted(found, solution) if is_little else found
+
+
+def _unlisted(found: DiagnosisRecord, solution: BundleSolution) -> DiagnosisRecord:
+    """What was found of a block of which it explains too little to be checked one by one."""
+    reason = "; ".join(part for part in (found.reason, MANY_ERRORS) if part)
+    return DiagnosisRecord(Status.UNEXPLAINED, squares(solution), solution.result.redundancy, reason=reason)
 
 
 def _may_be_mirrored(block: AdjustableBlock, found: DiagnosisRecord) -> bool:
