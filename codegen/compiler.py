@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import sympy
 
-from obseq.codegen.differentiate import Jacobian, falling, jacobians
-from obseq.codegen.expression_graph import ExpressionGraph, operations
-from obseq.codegen.products import collect_terms, share_products, share_signs
-from obseq.codegen.translate import graph_of
+from obseq.codegen.graphs.differentiate import Jacobian, falling, jacobians
+from obseq.codegen.graphs.expression_graph import ExpressionGraph, operations
+from obseq.codegen.graphs.products import collect_terms, share_products, share_signs
+from obseq.codegen.graphs.translate import graph_of
 from obseq.formulas.base import Formula
 
 GENERATOR_VERSION = "1"

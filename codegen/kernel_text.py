@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from obseq.codegen.compiler import Derived
-from obseq.codegen.differentiate import directional
-from obseq.codegen.expression_graph import ExpressionGraph
-from obseq.codegen.loop_fission import spilled
+from obseq.codegen.graphs.differentiate import directional
+from obseq.codegen.graphs.expression_graph import ExpressionGraph
+from obseq.codegen.graphs.loop_fission import spilled
 from obseq.codegen.printing import Printer, Store, row_place
 from obseq.formulas.base import Formula
 

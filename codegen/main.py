@@ -9,7 +9,7 @@ from typing import NamedTuple
 from obseq.codegen import ondemand
 from obseq.codegen.c99 import WITH_DERIVATIVES, cpp, cuda, header
 from obseq.codegen.compiler import Derived, derive
-from obseq.codegen.documentation import FOLDER, render_pages
+from obseq.codegen.equations.documentation import FOLDER, render_pages
 from obseq.codegen.files import (
     Change,
     apply,

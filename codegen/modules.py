@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from obseq.codegen.compiler import Derived
 from obseq.codegen.dependencies import functions_hash
-from obseq.codegen.documentation import equation_text, inputs
+from obseq.codegen.equations.documentation import equation_text, inputs
 from obseq.codegen.kernel_text import Printed
 from obseq.codegen.templating import template
 from obseq.errors import FormulaError

@@ -6,8 +6,8 @@ from pathlib import Path
 from obseq.arguments import expecting, instance
 from obseq.codegen.compiler import derive
 from obseq.codegen.pipeline import generate
+from obseq.formulas import find
 from obseq.formulas.base import Formula
-from obseq.formulas.families import find
 from obseq.kernels.loading import Kernel, describe
 from obseq.kernels.ondemand import folder, in_memory, write_kept
 from obseq.module_texts import OWN

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from obseq.codegen.expression_graph import COMMUTATIVE, CONSTANT, INPUT, ExpressionGraph
+from obseq.codegen.graphs.expression_graph import COMMUTATIVE, CONSTANT, INPUT, ExpressionGraph
 from obseq.codegen.operators import OPERATORS
 
 NOTHING: Mapping[int, str] = MappingProxyType({})

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 from obseq.codegen.templating import template
 from obseq.errors import FormulaError, nearest
+from obseq.formulas import find, formula
 from obseq.formulas.base import Formula
-from obseq.formulas.families import find, formula
 from obseq.module_texts import GROUP, OWN, formula_files
 from obseq.version import __version__
 from obseq.writing import write_all

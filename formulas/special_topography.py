@@ -1,11 +1,30 @@
 """Survey observations of Comp3D alone: reduced distances, polar sub-frames, equal lengths, axes."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from obseq.formulas.base import Formula
+from obseq.cached import cached_property
+from obseq.formulas.base import Argument, Formula
 from obseq.formulas.blocks import Direction, Length, Matrix3, Number, Point2, Point3, norm
 from obseq.formulas.functions import Scalar, angle_difference, atan2, let
-from obseq.formulas.topography import From, MeasuredAngle, MeasuredLength, Offset, Station, Target, TopoDH
+from obseq.formulas.naming import Registered
+from obseq.formulas.topography import (
+    From,
+    MeasuredAngle,
+    MeasuredLength,
+    Offset,
+    Station,
+    Target,
+    TopoDH,
+    TopoDist,
+    TopoDistHz,
+    TopoDX,
+    TopoDY,
+    TopoDZ,
+    TopoHz,
+    TopoZen,
+)
 
 COMP3D = "Comp3D (IGN France)"
 
@@ -199,3 +218,57 @@ class AxisLink(Formula):
     ) -> Scalar:
         """The cosine of the angle at the origin."""
         return axis.dot(point - origin) / distance
+
+
+SIGHTS = (
+    TopoHz(),
+    TopoZen(),
+    TopoDist(),
+    TopoDX(),
+    TopoDY(),
+    TopoDZ(),
+    TopoDistHz(),
+    TopoAlpha(),
+    TopoBeta(),
+)
+"""The registered equations whose instrument and target have heights."""
+
+
+@dataclass(frozen=True)
+class Beside(Formula):
+    """An observation between two points that stand beside or above their marks.
+
+    Residual: that of the observation with the target moved by `off`: the offset of the target (its height
+    along its vertical) minus that of the instrument, in the frame of the points. Undefined where that is.
+
+    Attributes:
+        observed: The equation of the observation; its second unknown is the target.
+    """
+
+    pattern = "{observed}Off"
+    observed: Annotated[Formula, Registered(SIGHTS)]
+
+    @cached_property
+    def arguments(self) -> tuple[Argument, ...]:
+        """Those of the observation, with the offset before what is measured."""
+        unknowns = tuple(argument for argument in self.observed.arguments if argument.is_unknown)
+        measured = self.observed.arguments[len(unknowns) :]
+        return (*unknowns, Argument("offset", False, Point3.declare(["off"], self)), *measured)
+
+    @property
+    def source(self) -> str:  # type: ignore[override]  # of each member
+        """Where the equation comes from."""
+        return f"{self.observed.name} with heights of instrument and target"
+
+    @property
+    def typical(self) -> Mapping[str, tuple[float, float]]:  # type: ignore[override]  # of each member
+        """Where the equation lives."""
+        return self.observed.typical
+
+    def residual(self, origin: Any, target: Point3, *, offset: Point3, **measured: Any) -> Scalar:
+        """What the observation gives for the moved target, minus what was observed."""
+        found: Scalar = self.observed.residual(origin, target + offset, **measured)
+        return found
+
+
+BESIDE = tuple(map(Beside, SIGHTS))

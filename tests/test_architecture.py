@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -34,6 +35,7 @@ FROM_KERNELS = {"obseq.kernels.layout", "obseq.kernels.functions"}
 LOADERS = ("obseq.kernels.loading", "obseq.kernels.ondemand")  # codegen.ondemand alone: kernels under trial
 FOLDERS = {".ci", "codegen", "docs", "formulas", "generated", "requirements", "src", "tests", "tools"}
 LARGEST_FILE = 1_500_000
+MOST_FILES = 20
 
 
 def imports_of(path: Path) -> Iterator[tuple[int, str]]:
@@ -194,6 +196,12 @@ def test_the_top_level_is_as_designed() -> None:
         path.relative_to(ROOT).parts[0] for path in tracked_files() if len(path.relative_to(ROOT).parts) > 1
     }
     assert found == FOLDERS
+
+
+def test_no_room_is_above_twenty_files() -> None:
+    rooms = Counter(path.parent for room in ARROWS for path in modules_of(room) if room != "generated")
+    full = {path.relative_to(ROOT).as_posix(): count for path, count in rooms.items() if count > MOST_FILES}
+    assert full == {}, "make a room inside of files that belong together"
 
 
 def test_every_module_has_a_file_of_tests() -> None:

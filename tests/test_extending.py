@@ -67,13 +67,9 @@ ABOUT_EACH = (
     "test_hashes_are_current",
     "test_every_formula_says_what_it_is",
 )
-FAMILIES = {
-    "A kind of survey observation": ("space", "topography", "special_topography", "beside"),
-    "An output format": ("space", "topography"),
-    "A format of points": ("space", "topography"),
-    "A cause of errors": ("space", "topography", "special_topography", "beside"),
-}
-"""Those that the tests of a section need, where the first one is not enough."""
+SURVEY = ("topography", "special_topography")
+WITH_ALL_SIGHTS = ("A kind of survey observation", "A cause of errors")
+"""Sections whose tests need sights beside their marks; one family is enough for the others."""
 
 EACH = {
     "A family of formulas": [f"tests/formulas/test_registry.py::{test}[curves]" for test in ABOUT_EACH],
@@ -202,7 +198,7 @@ def test_the_page_is_followed_to_the_letter(
     title: str, text: str, copy: Path, lender: subprocess.Popen[str]
 ) -> None:
     """A few seconds each: a process, a short registry generated, the tests of what was added."""
-    keep(copy, FAMILIES.get(title, ("space",)))
+    keep(copy, SURVEY[: 1 + (title in WITH_ALL_SIGHTS)])
     own = follow(text, copy)
     assert own, "each section has a test"
     check(lender, copy, *own, *REGISTERED, *EACH[title])
@@ -211,7 +207,7 @@ def test_the_page_is_followed_to_the_letter(
 @pytest.mark.slow
 def test_three_edits_enter_a_formula_in_the_library(copy: Path, lender: subprocess.Popen[str]) -> None:
     """The class, the line in the registry, the test of the page on writing a formula."""
-    keep(copy, ("space",))
+    keep(copy, SURVEY[:1])
     first, *_, test = re.findall(r"^```python\n(.*?)^```$", FORMULA_PAGE, re.MULTILINE | re.DOTALL)
     imports, formula, _ = first.split("\n\n\n")
     kept = [line for line in imports.splitlines() if "blocks" in line or "functions" in line]

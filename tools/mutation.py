@@ -14,6 +14,7 @@ import argparse
 import ast
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -28,8 +29,12 @@ if TYPE_CHECKING:
     from cosmic_ray.work_item import WorkItem
 
 ROOT = Path(__file__).parents[1]
+WIDE = ("test_stale_code", "test_architecture")
+"""Tests that name modules of all rooms, whatever these do."""
 TIMEOUT = 400.0
 """Seconds after which the tests of a change are stopped: it is killed."""
+SAME = ("_Eq_Is", "_NotEq_IsNot", "_BitAnd_Mul", "_BitOr_Add")
+"""Changes that change nothing: of small numbers and names the first two, of truth values the others."""
 
 
 class Room(NamedTuple):
@@ -37,7 +42,7 @@ class Room(NamedTuple):
 
     Attributes:
         code: folders or files.
-        tests: that judge them; none: for each module those that `tests/modules.toml` names.
+        tests: that judge them, beside those of each module.
     """
 
     code: tuple[str, ...]
@@ -47,7 +52,7 @@ class Room(NamedTuple):
 ROOMS = {
     "diagnosis": Room(("src/obseq/diagnosis",), ("tests/diagnosis",)),
     "images": Room(
-        ("src/obseq/images/causes",),
+        ("src/obseq/images/causes", "src/obseq/images/diagnosing"),
         (
             "tests/images/test_block_model.py",
             "tests/images/test_causes.py",
@@ -87,6 +92,8 @@ def copied(folder: Path) -> Path:
         if (ROOT / name).is_file():
             (made / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, made / name)
+    for name in ("formulas", "codegen", "generated"):
+        (made / "src" / "obseq" / name).symlink_to(made / name)
     if (ROOT.parent / "shared").exists():
         (folder / "shared").symlink_to((ROOT.parent / "shared").resolve())
     return made
@@ -114,7 +121,8 @@ def tried(room: Room, checkout: Path, count: int, seed: int) -> tuple[int, list[
     judged_by: dict[tuple[str, ...], list[WorkItem]] = {}
     with use_db(session) as base:
         for item in _sample(checkout, list(base.work_items), count, seed):
-            judged_by.setdefault(room.tests or _tests_of(checkout, _file(item)), []).append(item)
+            tests = dict.fromkeys((*_tests_of(checkout, _file(item)), *room.tests))
+            judged_by.setdefault(tuple(tests), []).append(item)
     killed, survived = 0, list[str]()
     for tests, items in judged_by.items():
         if run("baseline", tests):
@@ -142,11 +150,19 @@ def _modules(checkout: Path, room: Room, count: int, seed: int) -> list[str]:
 
 
 def _tests_of(checkout: Path, module: str) -> tuple[str, ...]:
-    """The files of tests of a module: those of its name, or the one that the table names."""
-    own = sorted((checkout / "tests").rglob(f"test_{Path(module).stem}.py"))
+    """Tests of a module: those of the table, of its name or its room's, and those that import it."""
     table = tomllib.loads((checkout / "tests" / "modules.toml").read_text(encoding="utf-8"))
-    named = table.get(Path(module).relative_to("src/obseq").as_posix())
-    return (named,) if named else tuple(path.relative_to(checkout).as_posix() for path in own)
+    place = Path(module).relative_to("src/obseq").with_suffix("")
+    begin = tuple(f"test_{name}{end}" for name in (place.name, place.parent.name) for end in ("_", "."))
+    named = re.compile(rf"\bobseq\.{'.'.join(place.parts)}\b")
+    found = [checkout / table[name]] if (name := f"{place.as_posix()}.py") in table else []
+    found += [
+        path
+        for path in sorted((checkout / "tests").rglob("test_*.py"))
+        if path.name.startswith(begin)
+        or (path.stem not in WIDE and named.search(path.read_text(encoding="utf-8")))
+    ]
+    return tuple(path.relative_to(checkout).as_posix() for path in dict.fromkeys(found))
 
 
 def _place(item: WorkItem) -> str:
@@ -162,7 +178,8 @@ def _sample(checkout: Path, items: list[WorkItem], count: int, seed: int) -> lis
     live = [
         item
         for item in items
-        if not any(first <= item.mutations[0].start_pos < last for first, last in idle[_file(item)])
+        if not item.mutations[0].operator_name.endswith(SAME)
+        and not any(first <= item.mutations[0].start_pos < last for first, last in idle[_file(item)])
     ]
     live.sort(key=_place)
     return random.Random(seed).sample(live, min(count, len(live)))

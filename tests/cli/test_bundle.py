@@ -275,7 +275,10 @@ def test_what_is_left_out_is_named_and_makes_the_exit_code_1(tables, capsys):
     [
         (["--measures=nowhere.csv"], "nowhere.csv: there is no such file"),
         (["--freeze=Q9"], "no camera parameter matches 'Q9'"),
-        (["--bal=b.txt"], "say where the block is"),
+        (["--bal=b.txt"], "the block is given 2 times: --bal, tables (--cameras ...); give one"),
+        (["--readout=0"], "--readout goes with --positions"),
+        (["--chunk=A"], "--chunk goes with --metashape"),
+        (["--frame=RTL"], "--frame goes with --obs or --control-crs or --positions-crs"),
         (["--obs=a.obs"], "--obs and --cor go together"),
         (["--json=."], "is a folder"),
         (["--bal-out=b.txt"], "BAL has no place for p1 of a camera, not zero here: give 0"),
@@ -315,6 +318,14 @@ def test_lengths_and_positions_are_observations(tables, capsys):
     found = {point["name"]: [point[axis] for axis in "xyz"] for point in record["points"]}
     assert np.linalg.norm(np.subtract(found["P1"], found["P2"])) == pytest.approx(length, abs=0.002)
     assert "NOT CONVERGED" not in capsys.readouterr().out
+
+
+def test_what_is_held_and_freed_is_told(tables, capsys):
+    folder, options, _ = tables
+    main(["bundle", *options, "--freeze=K.", "--free=K1", "--verbose", f"--opk-out={folder / 'p.txt'}"])
+    said = capsys.readouterr().out
+    assert "unknown, since --free comes after --freeze: K1 of" in " ".join(said.split())
+    assert said.splitlines()[-1] == f"Written: {folder / 'p.txt'}"
 
 
 def test_results_in_other_formats_are_blocks_again(tables, capsys):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from obseq.cli.main import main
-from obseq.formulas.families import formula
+from obseq.formulas import formula
 from obseq.project import read_control_points, read_topo
 from obseq.project.networks import network_of
 from obseq.survey import Network, make_points

@@ -94,3 +94,12 @@ def test_few_unknowns_are_solved_whole_and_that_is_told_once(capsys):
 def test_options_that_cannot_be_followed(site, capsys, options, told):
     assert main(["adjust", "site.obs", "site.cor", *options]) == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("taken", "more"), [(3_000_000_000, False), (5_000_000_000, True)])
+def test_what_a_run_took_is_told(taken, more, site, capsys, monkeypatch):
+    monkeypatch.setattr("obseq.leastsquares.blocks.memory.most_in_use", lambda: taken)
+    assert main(["adjust", "site.obs", "site.cor", "--memory", "4GB"]) == 0
+    (line,) = (one for one in capsys.readouterr().err.splitlines() if one.startswith("memory: "))
+    assert line.startswith(f"memory: {taken / 1e9:.2f} GB at most")
+    assert ("more than was asked for" in line) == more

@@ -6,7 +6,7 @@ from typing import Any
 import mpmath
 import pytest
 
-from obseq.codegen.expression_graph import CONSTANT, INPUT, ExpressionGraph
+from obseq.codegen.graphs.expression_graph import CONSTANT, INPUT, ExpressionGraph
 from obseq.formulas import functions
 
 ARITHMETIC = {

@@ -11,7 +11,7 @@ from obseq.codegen.pipeline import STAGES
 from obseq.codegen.project import Project
 from obseq.formulas import REGISTRY
 
-FEW = tuple(formula for formula in REGISTRY if formula.name in ("Dist3D", "TopoHz", "TopoDist"))
+FEW = tuple(formula for formula in REGISTRY if formula.name in ("Dist2DCons", "TopoHz", "TopoDist"))
 
 
 @pytest.fixture
@@ -35,8 +35,8 @@ def _names(folder: Path) -> list[str]:
 FILES = [
     "REPORT.md",
     "index.py",
-    "space/__init__.py",
-    "space/dist3d.py",
+    "plane/__init__.py",
+    "plane/dist2d_cons.py",
     "topography/__init__.py",
     "topography/topo_dist.py",
     "topography/topo_hz.py",
@@ -63,7 +63,7 @@ def test_check_says_which_folder_is_current(folder: Path, capsys: pytest.Capture
 
 def test_check_shows_a_hand_edit_and_the_repair(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main([])
-    edited = folder / "space" / "dist3d.py"
+    edited = folder / "plane" / "dist2d_cons.py"
     edited.write_text(edited.read_text("utf-8").replace("p2_x - p1_x", "p1_x - p2_x"), "utf-8")
     before = edited.read_bytes()
     capsys.readouterr()
@@ -99,7 +99,7 @@ def test_one_formula(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_list(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--list"]) == 0
-    assert capsys.readouterr().out.split() == ["Dist3D", "TopoDist", "TopoHz"]
+    assert capsys.readouterr().out.split() == ["Dist2DCons", "TopoDist", "TopoHz"]
     assert _names(folder) == []
 
 
@@ -149,7 +149,7 @@ def test_a_family_without_a_package_is_entered_in_the_list(folder: Path) -> None
     project.write_text(text, "utf-8")
     assert main(["--check"]) == 1
     assert main([]) == 0
-    packages = ["obseq", "obseq.generated", "obseq.generated.space", "obseq.generated.topography"]
+    packages = ["obseq", "obseq.generated", "obseq.generated.plane", "obseq.generated.topography"]
     assert tomllib.loads(project.read_text("utf-8")) == {"packages": packages}
     assert main(["--check"]) == 0
 

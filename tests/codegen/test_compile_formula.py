@@ -14,7 +14,7 @@ from obseq.formulas import Formula
 from obseq.formulas.blocks import Length, Number, Point2, norm
 from obseq.formulas.distortion import Degree, Distortion
 from obseq.formulas.functions import Scalar, let
-from obseq.formulas.space import Dist3D
+from obseq.formulas.topography import Dist3D
 from obseq.kernels.loading import routine
 
 

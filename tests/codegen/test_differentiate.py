@@ -6,10 +6,10 @@ import mpmath
 import pytest
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.differentiate import ORDERS, directional, jacobians
-from obseq.codegen.expression_graph import ExpressionGraph
+from obseq.codegen.graphs.differentiate import ORDERS, directional, jacobians
+from obseq.codegen.graphs.expression_graph import ExpressionGraph
+from obseq.codegen.graphs.translate import graph_of
 from obseq.codegen.operators import OPERATORS
-from obseq.codegen.translate import graph_of
 from obseq.errors import FormulaError
 from obseq.formulas import REGISTRY
 from obseq.formulas.base import Formula

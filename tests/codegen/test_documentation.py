@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from obseq.codegen.documentation import FOLDER, INDEX, documentation_of, render_pages
+from obseq.codegen.equations.documentation import FOLDER, INDEX, documentation_of, render_pages
 from obseq.codegen.files import apply, changes
 from obseq.formulas import REGISTRY
 from obseq.formulas.clinometers import ClinoInBlock

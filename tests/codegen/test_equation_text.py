@@ -9,9 +9,9 @@ from families import of_each
 from unchanged import Seen
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.documentation import equation_latex, equation_text
-from obseq.codegen.equation_text import Equation, Text, equations
-from obseq.codegen.whole_blocks import Reading, read
+from obseq.codegen.equations.documentation import equation_latex, equation_text
+from obseq.codegen.equations.equation_text import Equation, Text, equations
+from obseq.codegen.equations.whole_blocks import Reading, read
 from obseq.formulas import REGISTRY, Formula, functions
 from obseq.formulas.rigid_blocks import BlocRigid
 from obseq.formulas.topography import TopoHz

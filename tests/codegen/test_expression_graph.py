@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from obseq.codegen.expression_graph import ExpressionGraph
+from obseq.codegen.graphs.expression_graph import ExpressionGraph
 
 INPUTS = {"x": 1.25, "y": -0.75, "z": 2.5}
 BINARY = {"add": operator.add, "sub": operator.sub, "mul": operator.mul}

@@ -12,7 +12,7 @@ from obseq.formulas import REGISTRY
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number
 from obseq.formulas.functions import Scalar
-from obseq.formulas.space import Dist3D
+from obseq.formulas.topography import Dist3D
 from obseq.module_texts import text_hash
 
 HASHES = re.compile(r"formula sha256:(\w+)  text sha256:(\w+)  functions sha256:(\w+)")

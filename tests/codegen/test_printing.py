@@ -4,7 +4,7 @@ import re
 from typing import Annotated
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.expression_graph import ExpressionGraph
+from obseq.codegen.graphs.expression_graph import ExpressionGraph
 from obseq.codegen.kernel_text import jacobian_kernel, value_kernel
 from obseq.codegen.pipeline import generate
 from obseq.codegen.printing import LONGEST_EXPRESSION, Printer, Store

@@ -2,7 +2,7 @@
 
 import pytest
 
-from obseq.codegen.expression_graph import ExpressionGraph
+from obseq.codegen.graphs.expression_graph import ExpressionGraph
 
 
 @pytest.fixture

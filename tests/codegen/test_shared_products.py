@@ -2,8 +2,8 @@
 
 import pytest
 
-from obseq.codegen.expression_graph import ExpressionGraph, operations
-from obseq.codegen.products import PREFERENCES, collect_terms, share_products
+from obseq.codegen.graphs.expression_graph import ExpressionGraph, operations
+from obseq.codegen.graphs.products import PREFERENCES, collect_terms, share_products
 
 
 def test_products_of_the_same_factors_share_the_common_pair():

@@ -1,7 +1,7 @@
 """Opposites of products with a common factor share one sign."""
 
-from obseq.codegen.expression_graph import ExpressionGraph, operations
-from obseq.codegen.products import share_signs
+from obseq.codegen.graphs.expression_graph import ExpressionGraph, operations
+from obseq.codegen.graphs.products import share_signs
 
 
 def entries(graph: ExpressionGraph, factors: str) -> list[int]:

@@ -16,7 +16,7 @@ from obseq.codegen.jax_text import FROM_JAX, HELPERS, jax
 from obseq.codegen.main import main
 from obseq.codegen.modules import module_name
 from obseq.codegen.operators import OPERATORS
-from obseq.formulas.families import formula
+from obseq.formulas import formula
 from obseq.kernels import Calculator, calculator, derivatives
 
 SAMPLE = [

@@ -4,7 +4,7 @@ import pytest
 import sympy
 
 from obseq.codegen.compiler import derive
-from obseq.codegen.translate import graph_of
+from obseq.codegen.graphs.translate import graph_of
 from obseq.errors import FormulaError
 from obseq.formulas.base import Formula
 from obseq.formulas.blocks import Number

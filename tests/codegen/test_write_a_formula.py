@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from obseq.codegen.documentation import equation_text
+from obseq.codegen.equations.documentation import equation_text
 from obseq.formulas import Formula, functions
 
 ROOT = Path(__file__).resolve().parents[2]

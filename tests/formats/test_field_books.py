@@ -75,7 +75,9 @@ def test_without_the_wrong_height_the_truth_comes_out(job, monkeypatch, tmp_path
         np.testing.assert_allclose((point.x, point.y, point.z), simulated.PLACES[point.name], atol=5e-3)
 
 
-@pytest.mark.parametrize("name", ["job.gsi", "job.jxl", "job.sdr", "nikon.raw", "job.job", "job.gts7"])
+@pytest.mark.parametrize(
+    "name", ["job.gsi", "job.jxl", "job.xml", "job.sdr", "nikon.raw", "job.job", "job.gts7"]
+)
 def test_errors_of_each_instrument_are_told(adjusted, name):
     """Collimation and index errors of two instruments, within four of their sigmas."""
     network, _ = adjusted[name]
@@ -316,7 +318,7 @@ def test_coordinates_after_a_backsight_are_its_own(tmp_path):
         (
             "a.raw",
             "CO,Nikon RAW data\nST,S\nSS,P,1.0,10,10.7000,90.0000\n",
-            "minutes and seconds are below 60",
+            "minutes are below 60, and seconds at most 60",
         ),
         ("a.raw", "CO,Nikon RAW data\nCO,Dist Units: Rods\n", "'rods' is none of"),
         ("a.m5", m5(("PI1", f"{'':15}{'P':>12}", "Hz   10.0000 DMS")), "no sight is in it"),

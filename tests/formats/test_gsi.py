@@ -118,7 +118,10 @@ def test_units_and_names_of_words(tmp_path):
             r"a\.gsi:2: word 21: '9' is no unit of angles",
         ),
         ("16....+0000000S\n110001+00000001 21.322+0000000x\n", r"a\.gsi:2: word 21: '0000000x' is no whole"),
-        ("16....+0000000S\n110001+00000001 22.324+09061000\n", "minutes and seconds are below 60"),
+        (
+            "16....+0000000S\n110001+00000001 22.324+09061000\n",
+            "minutes are below 60, and seconds at most 60",
+        ),
         ("16....+0000000S\n", "no sight is in it"),
     ],
 )
@@ -166,3 +169,31 @@ def test_staffs_of_digital_levels_give_height_differences(tmp_path):
     np.testing.assert_allclose(rows.values, [0.52122, -0.64534], atol=1e-9)
     np.testing.assert_allclose(rows.sigmas, 1e-3 * np.sqrt([0.0453, 0.0538]))
     assert "1 intermediate readings of a levelling staff are left out" in " ".join(book.warnings)
+
+
+def test_sixty_seconds_are_the_next_minute(tmp_path):
+    """Programs that round seconds by themselves write them: 84 1 60.0 is 84 2 0.0."""
+    (tmp_path / "a.gsi").write_text("16....+0000000S\n110001+00000001 21.324+08401600\n")
+    (tmp_path / "b.gsi").write_text("16....+0000000S\n110001+00000001 21.324+08402000\n")
+    values = [
+        Network.read_project(tmp_path / name, sigmas=SIGMAS).book.observations.values
+        for name in ("a.gsi", "b.gsi")
+    ]
+    np.testing.assert_allclose(values[0], values[1], rtol=1e-15)
+
+
+def test_coordinates_that_moved_on_with_the_instrument_say_no_place(tmp_path):
+    """B stands 10 m east of A, whatever the file says of it, and A stays where it is."""
+    first = "STN     A,0.0,\nXYZ     500.0,300.0,20.0\nBS      B,0.0,\nSD      90.0000,90.0000,10.000\n"
+    then = "STN     B,0.0,\nXYZ     500.0,300.0,20.0\nBS      A,0.0,\nSD      0.0000,90.0000,10.000\n"
+    (tmp_path / "a.gts7").write_text(
+        f"GTS-700 v3.0\n{first}{then}SS      P,0.0,\nSD      90.0000,90.0000,5.0\n"
+    )
+    network = Network.read_project(tmp_path / "a.gts7", sigmas=SIGMAS)
+    assert "B as A" in " ".join(network.book.warnings)
+    adjusted = network.adjust()
+    places = dict(zip(adjusted.points.names, adjusted.points.coordinates, strict=True))
+    at = places["A"]
+    assert np.linalg.norm(places["B"] - at) == pytest.approx(10.0, abs=1e-6)
+    assert at == pytest.approx([500.0, 300.0, 20.0], abs=1e-3)
+    assert np.linalg.norm(places["P"] - at) == pytest.approx(np.hypot(10.0, 5.0), abs=1e-6)

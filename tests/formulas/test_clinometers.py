@@ -5,8 +5,8 @@ import math
 import pytest
 
 from obseq.errors import FormulaError
+from obseq.formulas import find
 from obseq.formulas.clinometers import ClinoBloc, ClinoInBlock, ClinoNeedle, ClinoRot
-from obseq.formulas.families import find
 
 IDENTITY = (1, 0, 0, 0, 1, 0, 0, 0, 1)
 QUARTER = (0, -1, 0, 1, 0, 0, 0, 0, 1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from obseq.codegen import compile_formula
+from obseq.formulas import find
 from obseq.formulas.colinearity import (
     Colinearity,
     ColinearityOnBundle,
@@ -13,7 +14,6 @@ from obseq.formulas.colinearity import (
     LineColinearity,
 )
 from obseq.formulas.distortion import Degree
-from obseq.formulas.families import find
 from obseq.formulas.projections import PROJECTIONS, FE_EquiDist, Stenope
 from obseq.kernels import Calculator, calculator
 

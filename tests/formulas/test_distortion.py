@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from obseq.formulas import find
 from obseq.formulas.distortion import (
     FRASER,
     NOT_FRASER,
@@ -10,7 +11,6 @@ from obseq.formulas.distortion import (
     Distortion,
     DistortionBasis,
 )
-from obseq.formulas.families import find
 
 HIGH_DEGREE = Degree(3, 1, 5)
 EVERYTHING = (*FRASER, *NOT_FRASER, Degree(1, 3, 4), Degree(0, 2, 3), Degree(4, 0, 6, fraser=False))

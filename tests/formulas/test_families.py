@@ -6,10 +6,10 @@ import pytest
 from families import of_each
 
 from obseq.errors import FormulaError
+from obseq.formulas import FAMILIES, find, formula
 from obseq.formulas.bundles import PointOnFirstBundle
 from obseq.formulas.colinearity import Colinearity
 from obseq.formulas.distortion import Degree
-from obseq.formulas.families import FAMILIES, find, formula
 from obseq.formulas.naming import Patterned
 from obseq.formulas.projections import FE_EquiSolid
 from obseq.formulas.sensors import CorrectedSensor

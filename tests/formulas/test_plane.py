@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from obseq.formulas.families import find
+from obseq.formulas import find
 from obseq.formulas.plane import (
     Dist2DCons,
     PropCovNwCD,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from obseq.formulas.families import find
+from obseq.formulas import find
 from obseq.formulas.projections import PROJECTIONS, Direct, Inverse
 from obseq.kernels import calculator
 

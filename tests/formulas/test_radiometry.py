@@ -2,7 +2,7 @@
 
 import pytest
 
-from obseq.formulas.families import find
+from obseq.formulas import find
 from obseq.formulas.radiometry import (
     REGISTERED,
     RadiomCalibPolIm,

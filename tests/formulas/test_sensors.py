@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from obseq.formulas.families import find
+from obseq.formulas import find
 from obseq.formulas.sensors import CorrectedSensor, ImageCorrection, RationalCamera, cubic
 from obseq.kernels import calculator
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from obseq.formulas.space import Dist3D, Dist3DParam, TopoSubFrame
+from obseq.formulas.topography import Dist3D, Dist3DParam, TopoSubFrame
 
 
 def test_distance_of_the_2_3_6_box_is_7():

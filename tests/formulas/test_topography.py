@@ -6,8 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from obseq.formulas.beside import Beside
-from obseq.formulas.special_topography import TopoAlpha, TopoBeta, TopoDHParamOff
+from obseq.formulas.special_topography import Beside, TopoAlpha, TopoBeta, TopoDHParamOff
 from obseq.formulas.topography import (
     TopoAngle,
     TopoDH,

@@ -11,7 +11,7 @@ import scenes
 
 import obseq
 from obseq.errors import InputError
-from obseq.images import AdjustedBlock, BundleAdjustment
+from obseq.images import AdjustedBlock, BundleAdjustment, ControlPoints
 from obseq.images.output.block_record import BundleRecord, MeasureRecord
 from obseq.reading.origin import Origin
 from obseq.records.adjustment import AdjustmentRecord
@@ -55,6 +55,15 @@ def test_a_line_of_a_file_is_left_out():
     assert len(rest.measures) == len(measures) - 1
     assert list(rest.origin.lines)[:4] == [2, 3, 4, 6]
     assert rest.measures.xy[3].tolist() == measures.xy[4].tolist()
+
+
+def test_a_line_of_a_table_of_control_points_is_left_out():
+    made = scenes.block(n_control=0)[0]
+    control = ControlPoints.of(["P1", "P2", "P3"], np.arange(9.0).reshape(3, 3), 0.01)
+    made.add_control_points(control, Origin("folder/control.csv", (2, 3, 5)))
+    assert made.without("control.csv:5").control.is_free.all(axis=1).tolist() == [False, False, True]
+    with pytest.raises(InputError, match=r"no observation is called 'control\.csv:4'"):
+        made.without("control.csv:4")
 
 
 def test_names_that_nothing_has_are_refused(block):

@@ -8,6 +8,7 @@ import scenes
 from accused import said
 
 from obseq.errors import InputError
+from obseq.images import Poses
 from obseq.images.initial import growth
 
 
@@ -72,3 +73,13 @@ def test_other_scales_are_no_units(factor):
     block.observe_poses(block.poses, 0.05)
     told = said(block)
     assert "times as large" not in told and "times too small" not in told
+
+
+def test_control_points_in_another_unit_than_observed_centres_without_rotations_are_named():
+    block, true, _ = scenes.block(n_images=5, n_points=15, n_control=9, seed=8)
+    block.freeze_parameters()
+    block.poses = block.poses.select([])
+    block.control = replace(block.control, coordinates=1000.0 * block.control.coordinates)
+    turns = np.broadcast_to(np.eye(3), (len(true), 3, 3))
+    block.observe_poses(Poses.of(true.images, true.centres, turns), 0.02)
+    assert "the control points are 1000 times as large as the given poses say" in said(block)

@@ -6,6 +6,7 @@ import pytest
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ControlPoints
+from obseq.images.output.overview import overview
 from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of
 from obseq.images.references import velocities_of
@@ -107,3 +108,17 @@ def test_velocities_are_central_differences_in_the_order_of_time():
         ["a", "b", "c"], np.array([[4.0, 0, 0], [0, 0, 0], [1, 0, 0]]), np.array([2.0, 0, 1])
     )
     np.testing.assert_allclose(found[:, 0], [3.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize(("sigma", "state"), [(0.0, "held"), (np.inf, "unknown"), (1.0, "observed")])
+def test_what_is_said_of_a_readout(sigma, state):
+    block = flights.flight().block
+    block.shutters.clear()
+    velocities = np.ones((len(block.poses), 3))
+    block.roll_shutter("c", block.poses.images, velocities, readout=0.03, sigma=sigma)
+    assert f"readout of c {state}, from 30 ms" in overview(block)
+
+
+def test_a_pose_without_any_camera_is_refused():
+    with pytest.raises(InputError, match=r"image i: its calibration \(not named\) is missing; known: none"):
+        BundleAdjustment().add_poses(["i"], [[0.0, 0.0, 0.0]], [np.eye(3)])

@@ -11,8 +11,8 @@ import obseq
 from obseq.codegen import compile_formula
 from obseq.errors import InputError, ObseqError
 from obseq.formulas import Formula
+from obseq.formulas import formula as formula_named
 from obseq.formulas.blocks import Length, Point3
-from obseq.formulas.families import formula as formula_named
 from obseq.formulas.functions import Scalar
 from obseq.images import BundleAdjustment, Camera, Clinometer, ImagePoints
 from obseq.survey import Network, make_points, read_obs

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from obseq.codegen import compile_formula
-from obseq.formulas import Formula
+from obseq.formulas import Formula, formula
 from obseq.formulas.blocks import Point3
-from obseq.formulas.families import formula
 from obseq.formulas.functions import Scalar, sqrt
 from obseq.kernels import Calculator, awkward, calculator
 

@@ -275,3 +275,17 @@ def test_plumb_rotations_keep_their_plumb_line_when_they_are_moved():
     moved = PLUMB.values(PLUMB.moved(PLUMB.context(value), np.array([[0.1, -0.2, 0.3]])))
     np.testing.assert_array_equal(moved[0, :, 3:], value[0, :, 3:])
     assert np.abs(moved - value).max() > 0.1
+
+
+@pytest.mark.parametrize("strategy", ["gauss-newton", "qr"])
+def test_a_batch_without_rows_changes_nothing(strategy):
+    known = np.array([[0.0, 0.0, 0.0], [9.0, 1.0, 0.0], [1.0, 9.0, 1.0], [2.0, 3.0, 9.0]])
+    wanted = np.array([4.0, 5.0, 3.0])
+    system = LeastSquares()
+    ends, point = system.add_points(list("ABCD"), known), system.add_points(["P"], [[3.0, 4.0, 2.0]])
+    system.freeze(ends)
+    empty = system.add("Dist3D", {"p1": ends[:0], "p2": point[:0]}, [], 0.1)
+    system.add("Dist3D", {"p1": ends, "p2": point}, np.linalg.norm(known - wanted, axis=1), 0.1)
+    result = system.solve(strategy=strategy)
+    assert result.residuals(empty).shape == (0, 1)
+    np.testing.assert_allclose(system.values(point), [wanted], atol=1e-6)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from obseq.report.content import numbers_of
 from obseq.report.findings import findings
+from obseq.report.tables.content import numbers_of
 from obseq.survey import Quality
 
 BENCH = Path(__file__).resolve().parents[2] / "tools" / "benchmarks" / "bench_snooping.py"

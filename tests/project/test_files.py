@@ -379,3 +379,10 @@ def test_numbers_keep_all_their_digits(tmp_path):
     tree = json.loads(tree_text("A", {"x": (value,)}, as_json=True))
     assert tree["Data"]["A"]["x"] == value
     assert repr(value) in tree_text("A", {"x": (value,)})
+
+
+def test_a_wrong_line_of_pairs_is_told_by_its_number(tmp_path):
+    for head, line in (("", 2), (pairs_text(PAIRS[:0]), 3)):
+        (tmp_path / "p.csv").write_text(f"{head}1,2,3,4\n1,2,x,4\n")
+        with pytest.raises(InputError, match=rf"p\.csv:{line}: "):
+            read_pairs(tmp_path / "p.csv")

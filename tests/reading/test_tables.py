@@ -46,3 +46,15 @@ def test_decimal_commas_are_recognised(tmp_path):
 def test_a_name_with_a_line_end_in_it_is_told(tmp_path):
     with pytest.raises(InputError, match=r"t\.csv:2: .*a quote is open at the end of the line"):
         table(tmp_path, 'type,a,b\nDist,"P\nQ",1\n')
+
+
+@pytest.mark.parametrize("text", ["1_000", "\u0661\u0662", "0x10", "1e400"])
+def test_numbers_are_written_in_digits_of_ascii(tmp_path, text):
+    with pytest.raises(InputError, match=r"t\.csv:2: b is .*which is no finite number"):
+        table(tmp_path, f"a,b\nA,{text}\n").numbers("b")
+
+
+@pytest.mark.parametrize("hidden", ["\0", "\u200b", "\u00a0"])
+def test_a_cell_that_holds_what_nobody_sees_is_refused(tmp_path, hidden):
+    with pytest.raises(InputError, match=r"t\.csv:2: a cell holds .*which nobody sees"):
+        table(tmp_path, f"a,b\nA{hidden}B,1\n")

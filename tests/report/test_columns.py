@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from obseq.report.columns import MANY, all_rounded, all_small, rounded, small
+from obseq.report.tables.columns import MANY, all_rounded, all_small, rounded, small
 
 ODD = [None, math.nan, math.inf, -math.inf, 0.0, -0.0, 5e-324, 1e-30, 1.5e22, 1e23, 1.7e308, 7.0]
 EDGES = [

@@ -5,9 +5,9 @@ from importlib.resources import files
 
 import pytest
 
-from obseq.report.content import numbers_of
-from obseq.report.map import Similarity, similarity
-from obseq.report.plan import plan
+from obseq.report.drawings.map import Similarity, similarity
+from obseq.report.drawings.plan import plan
+from obseq.report.tables.content import numbers_of
 from obseq.survey import Network
 
 

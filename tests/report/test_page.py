@@ -9,12 +9,12 @@ import pytest
 from msgspec import structs
 
 from obseq.records.shown_units import ShownUnits
-from obseq.report.packed import packed
 from obseq.report.page import adjustment_page, document, page
 from obseq.report.part import MOST
 from obseq.report.said import length, name, small
 from obseq.report.said import plain as said
-from obseq.report.units import Units
+from obseq.report.tables.packed import packed
+from obseq.report.tables.units import Units
 from obseq.survey import Network
 
 VOID = {"meta"}

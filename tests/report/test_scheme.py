@@ -7,10 +7,10 @@ import re
 import numpy as np
 import pytest
 
+from obseq.report.drawings.plan import KNOWN, plan
+from obseq.report.drawings.scheme import scheme
 from obseq.report.notebook import network_figure
 from obseq.report.page import page
-from obseq.report.plan import KNOWN, plan
-from obseq.report.scheme import scheme
 from obseq.survey import Network, network_from_tables
 
 

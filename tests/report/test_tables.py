@@ -26,11 +26,11 @@ from obseq.records.adjustment import AdjustmentRecord, JointTestRecord, Variance
 from obseq.records.record import from_plain, to_plain
 from obseq.records.shown_units import ANGLES, METRES, ShownUnits
 from obseq.report import compared, planned
-from obseq.report.content import TABLES as OF_NETWORKS
-from obseq.report.content_plan import PLAN_TABLES
 from obseq.report.head import Page
 from obseq.report.page import adjustment_page, document
-from obseq.report.units import MIXED, Scale, Sexagesimal, Units, fixed, significant
+from obseq.report.tables.content import TABLES as OF_NETWORKS
+from obseq.report.tables.content_plan import PLAN_TABLES
+from obseq.report.tables.units import MIXED, Scale, Sexagesimal, Units, fixed, significant
 from obseq.report.writer import Writer
 from obseq.survey import Datum, Network, Quality, compare, plan, simulate
 

@@ -1,9 +1,9 @@
 import pytest
 
 from obseq.report.adjusted import verdict
-from obseq.report.content import numbers_of, tables
 from obseq.report.findings import findings
-from obseq.report.named import ellipse_level, short_names
+from obseq.report.tables.content import numbers_of, tables
+from obseq.report.tables.named import ellipse_level, short_names
 from obseq.report.verdict import Verdict
 from obseq.report.writer import worst
 

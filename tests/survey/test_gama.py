@@ -92,6 +92,17 @@ def test_degrees_have_sigmas_in_seconds(tmp_path):
     assert both[1].points.coordinates == pytest.approx(both[0].points.coordinates, abs=1e-8)
 
 
+def test_sixty_seconds_are_the_next_minute(tmp_path):
+    # programs that round the seconds alone write them
+    both = [
+        adjusted(
+            network(tmp_path, POINTS + SIGHTS.replace('val="59.0334" stdev="10"', f'val="{angle}" stdev="3"'))
+        )
+        for angle in ("53-07-60.00", "53-08-00.00")
+    ]
+    assert both[1].points.coordinates == pytest.approx(both[0].points.coordinates, abs=1e-12)
+
+
 def test_zenith_angles_of_the_second_face_are_those_of_the_first(tmp_path):
     second = SIGHTS.replace('val="96.8196"', 'val="303.1804"')
     both = [adjusted(network(tmp_path, POINTS + body)) for body in (SIGHTS, second)]
@@ -178,7 +189,7 @@ WRONG = {
     "x and y go together": '<point id="X" x="1" />' + SIGHTS,
     "of it is not given": '<point id="X" fix="xy" />' + SIGHTS,
     "is none of": '<point id="X" adj="x" />' + SIGHTS,
-    "minutes and seconds": SIGHTS.replace("59.0334", "53-61-00"),
+    "minutes are below 60": SIGHTS.replace("59.0334", "53-61-00"),
     "has no cov-mat": '<vectors><vec from="A" to="B" dx="1" dy="1" dz="1" /></vectors>',
     'has no from: the directions of a set are from one station, which the set names; write <obs from="A">': (
         '<obs><direction from="A" to="B" val="1" stdev="5" /></obs>'

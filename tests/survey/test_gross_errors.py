@@ -10,7 +10,7 @@ from verdicts import MISTYPED, codes, lines
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.records.shown_units import ShownUnits
-from obseq.report.units import Units
+from obseq.report.tables.units import Units
 from obseq.survey.causes.values import COORDINATE, GON, explain, variants
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST

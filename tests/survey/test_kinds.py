@@ -39,8 +39,8 @@ FORMATS = (
     "survey/checks/both_faces.py",
     "formats",
     "project/topo.py",
-    "report/named.py",
-    "report/scheme.py",
+    "report/tables/named.py",
+    "report/drawings/scheme.py",
 )
 """Where single kinds have a name: their room, and what files call them (in `report`, those of results)."""
 

@@ -7,7 +7,7 @@ import pytest
 
 from obseq.cli.main import main
 from obseq.errors import InputError
-from obseq.survey import KINDS, Network
+from obseq.survey import KINDS, Datum, Network
 
 SIGMAS = ["distance=3mm", "direction=5sec", "zenith=5sec", "azimuth=5sec", "height=2mm"]
 UNITS = (
@@ -42,7 +42,7 @@ def written(tmp_path, sights=SIGHTS, points=POINTS, units=UNITS, head=""):
 
 
 def read(tmp_path, **parts):
-    return Network.read_project(written(tmp_path, **parts), sigmas=SIGMAS)
+    return Network.read_project(written(tmp_path, **parts), sigmas=SIGMAS, faces="all")
 
 
 def test_a_survey_is_adjusted_with_heights_and_both_faces(tmp_path):
@@ -57,7 +57,8 @@ def test_a_survey_is_adjusted_with_heights_and_both_faces(tmp_path):
     assert rows.to_heights[3] == 1.7
     adjusted = network.adjust()
     # 100 m at 53.13 degrees from north is 80 m east and 60 m north; 5 m up and 0.2 m lower at the target
-    assert adjusted.points.coordinates[2] == pytest.approx([80.0, 60.0, 14.8], abs=0.05)
+    row = adjusted.points.names.index("P")
+    assert adjusted.points.coordinates[row] == pytest.approx([80.0, 60.0, 14.8], abs=0.05)
     assert any("<Backsight>" in text for text in adjusted.warnings)
 
 
@@ -102,17 +103,38 @@ def test_what_cannot_be_read_is_refused_with_its_line(tmp_path, capfd, problem):
     assert f"{path}:" in said
 
 
-def test_a_file_needs_units_control_and_observations(tmp_path):
+def test_a_file_needs_units_and_observations(tmp_path):
     with pytest.raises(InputError, match="has no <Units>"):
         read(tmp_path, units="")
-    with pytest.raises(InputError, match='pntSurv="control"'):
-        read(tmp_path, points=POINTS.replace("control", "sideshot"))
-    with pytest.raises(InputError, match="no raw observation"):
+    with pytest.raises(InputError, match="no sight is in it"):
         read(tmp_path, sights="")
     with pytest.raises(InputError, match="is none of meter"):
         read(tmp_path, units=UNITS.replace('"meter"', '"rod"'))
     with pytest.raises(InputError, match="given twice"):
         read(tmp_path, points=POINTS.replace('"B"', '"A"'))
+
+
+def test_a_survey_without_control_is_free(tmp_path):
+    network = read(tmp_path, points=POINTS.replace("control", "sideshot"))
+    assert any("coordinates of 3 points are first values" in text for text in network.book.warnings)
+    with pytest.raises(InputError, match="no point is known"):
+        network.adjust()
+    assert network.adjust(datum=Datum("inner")).converged
+
+
+def test_a_target_that_is_only_described_has_the_description_for_a_name(tmp_path):
+    place = '<TargetPoint desc="850">60 80 15</TargetPoint>'
+    network = read(
+        tmp_path,
+        points=POINTS.replace('"P"', '"Q"'),
+        sights=SIGHTS.replace('<TargetPoint pntRef="P"/>', place),
+    )
+    assert "850" in network.points.names
+    other = SIGHTS.replace('<TargetPoint pntRef="P"/>', place, 1).replace(
+        '<TargetPoint pntRef="P"/>', place.replace("60", "61"), 1
+    )
+    with pytest.raises(InputError, match="described as '850'"):
+        read(tmp_path, sights=other)
 
 
 REDUCED = """<LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">
@@ -147,4 +169,5 @@ def test_reduced_observations_are_taken_on_request(tmp_path, capsys):
     network = Network.read_project(path, sigmas=sigmas, ignore=["reductions"])
     assert network.book.observations.n_inactive == 1  # the azimuth that was computed
     adjusted = network.adjust()
-    np.testing.assert_allclose(adjusted.points.coordinates[2, :2], (80, 60), atol=0.01)
+    row = adjusted.points.names.index("3")
+    np.testing.assert_allclose(adjusted.points.coordinates[row, :2], (80, 60), atol=0.01)

@@ -22,7 +22,7 @@ def notes(off: float, sigma: float) -> list[str]:
     ("off", "sigma", "words"),
     [
         (0.1, 1.0, ("1000 times larger", "hides a misfit of 100.9", "101 times the usual one")),
-        (-0.009, 1e-6, ("1000 times smaller", "lets the tests reject a misfit of -8.0", "DH P -> R")),
+        (-0.005, 1e-6, ("1000 times smaller", "lets the tests reject a misfit of -4.0", "DH P -> R")),
     ],
 )
 def test_a_sigma_that_decides_is_named(off, sigma, words):

@@ -51,6 +51,26 @@ def test_a_free_network_keeps_its_shape():
     assert "placed in a frame of its own" in " ".join(network.book.warnings)
 
 
+@pytest.mark.parametrize("name", ["A", "D"])
+def test_one_approximate_point_says_where_a_free_network_is(name):
+    """D is seen only, from A and B: the frame begins with one of its sights."""
+    known = {"name": list(PLACES), "x": [None] * 4, "y": [None] * 4, "z": [0.0] * 4, "sz": [0.0] * 4}
+    row = list(PLACES).index(name)
+    known["x"][row], known["y"][row] = 5000.0, 7000.0
+    network = network_from_tables(known, table(("Hz", "DistHz"), "ABCD"))
+    adjusted = network.adjust()
+    np.testing.assert_allclose(shape(adjusted.points), TRUE, atol=1e-9)
+    assert adjusted.points.coordinates[row, :2] == pytest.approx([5000.0, 7000.0], abs=1e-6)
+    assert f"only {name} has coordinates" in " ".join(network.book.warnings)
+    assert adjusted.solution.redundancy == 12 - (8 + 2 - 3)
+
+
+def test_a_known_point_without_a_direction_is_no_free_network():
+    known = {"name": ["A"], "x": [5000.0], "y": [7000.0], "z": [0.0], "sx": [0.0], "sy": [0.0], "sz": [0.0]}
+    with pytest.raises(ObseqError, match="A"):
+        network_from_tables(known, table(("Hz", "DistHz"), "ABCD")).adjust()
+
+
 def test_angles_alone_have_a_scale_of_their_own():
     network = free(("Hz",))
     adjusted = network.adjust()

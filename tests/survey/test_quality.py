@@ -8,13 +8,16 @@ from importlib.resources import files
 import numpy as np
 import pytest
 from scipy import special
+from scipy.stats import chi2
 
 from obseq.errors import InputError
+from obseq.records.quality import StatisticsRecord
 from obseq.report.adjusted import outcome
 from obseq.report.page import page
 from obseq.report.result_file import read_json, to_json
 from obseq.report.summary import VERBOSE, listing, summary
 from obseq.survey import Network, Quality
+from obseq.survey.adjustment import adjusted_records
 
 KNOWN = {"A": (0, 0, 0), "B": (100, 0, 2), "C": (90, 80, -3), "D": (-10, 70, 1)}
 PLACES = KNOWN | {"P": (40.0, 30.0, 5.0), "Q": (60.0, 55.0, -2.0), "R": (20.0, 60.0, 4.0)}
@@ -225,3 +228,17 @@ def test_inner_precisions_do_not_depend_on_what_is_known(tmp_path) -> None:
     loose = np.where(np.isnan(network.points.sigmas), np.nan, 0.0005)
     other = replace(network, points=replace(network.points, sigmas=loose)).adjust(quality=wanted).inner
     np.testing.assert_allclose(other, tight, rtol=0.02, atol=1e-9)
+
+
+def test_factors_of_sigmas_are_tested_by_the_chi_square_of_their_redundancy() -> None:
+    rows = [
+        StatisticsRecord("DIST", 9, 0, redundancy, 1.0, 0.0, 2.0, factor)
+        for redundancy, factor in ((6.0, 1.2), (1.0, 0.9), (0.99, 1.1), (4.0, None), (None, 1.0))
+    ]
+    six, one, *others = adjusted_records.tested_types(rows)
+    assert all((row.lower, row.upper, row.level) == (None, None, None) for row in others)
+    for row, freedom in ((six, 6.0), (one, 1.0)):
+        assert row.level == 0.005  # two are tested, at 1 % together
+        assert row.lower is not None and row.upper is not None
+        assert chi2.cdf(freedom * row.lower**2, freedom) == pytest.approx(0.0025)
+        assert chi2.sf(freedom * row.upper**2, freedom) == pytest.approx(0.0025)

@@ -200,7 +200,7 @@ WRONG = {
     "D A-P 5,0 1": "is not a number",
     "D A-P -5 1": "is not positive",
     "D A-P 50 0": "not above zero",
-    "A A-B-P 50-61-00 1": "minutes and seconds",
+    "A A-B-P 50-61-00 1": "minutes are below 60",
     "A A-B-P fifty 1": "is no angle",
     "M A-B-P 50 1 1/2": "`\\?` stands for what was not measured",
     "DN P 50 1": "begins with DB",

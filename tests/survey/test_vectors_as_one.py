@@ -8,8 +8,8 @@ from msgspec import structs
 
 from obseq.crs import parse
 from obseq.report.adjusted import outcome
-from obseq.report.content import numbers_of, tables
 from obseq.report.summary import listing, summary
+from obseq.report.tables.content import numbers_of, tables
 from obseq.report.verdict import Verdict
 from obseq.survey import Network, Quality
 

@@ -10,6 +10,7 @@ import pytest
 
 from obseq.images import Camera
 from obseq.targets import Conditions, Finder, Sheet, eccentricity, made, photograph, read_picture
+from obseq.targets.finding.light_spots import above_mean
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "targets"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data/targets is absent")
@@ -220,3 +221,18 @@ def test_spots_without_code_are_measured_when_asked_for() -> None:
 def test_nothing_is_found_where_nothing_is(image, sets) -> None:  # type: ignore[no-untyped-def]
     specs = [sets["CERN"], sets["IGNIndoor"]]
     assert Finder(specs, uncoded=False).find(image).targets == []
+
+
+@pytest.mark.parametrize("reach", [1, 3, 20])
+def test_what_is_lighter_than_the_mean_about_it(reach):
+    image = np.random.default_rng(4).uniform(0.0, 255.0, (11, 14))
+    found = np.zeros(image.shape, np.uint8)
+    above_mean(image, reach, 10.0, np.zeros(15), found)
+    around = [
+        [
+            image[max(j - reach, 0) : j + reach + 1, max(i - reach, 0) : i + reach + 1].mean()
+            for i in range(14)
+        ]
+        for j in range(11)
+    ]
+    np.testing.assert_array_equal(found, image > np.array(around) + 10.0)

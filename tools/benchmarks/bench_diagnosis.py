@@ -14,8 +14,9 @@ of CPU seconds is that of the two.
 | missed, undecided | nothing is accused: quietly, or with the word that something is wrong |
 | refused, crash | an error that says nothing of them; of any other kind than those of the package |
 
-The rates of the present version are in `diagnosis.json`: 16 seeds of each class of networks and sites from
-9000 on, 60 of blocks from 1000 on, 2,003 of what has no error from 20000 and 30000 on.
+The rates of the present version are in `diagnosis.json`: 24 seeds of each class of networks and sites from
+9000 on, 40 of blocks from 1000 on. Of what has no error 2,003 seeds from 20000 and 30000 on, of a version
+before.
 
 Example:
     python tools/benchmarks/bench_diagnosis.py --first 1000 --json tools/benchmarks/diagnosis.json
@@ -51,8 +52,8 @@ from diagnosis_verdicts import RIGHT, Found, has_cause, verdict_of
 from obseq.errors import ObseqError, SingularSystemError
 from obseq.formats.blocks.tables import BlockFiles
 from obseq.images import BundleAdjustment
-from obseq.images.causes.diagnosing import diagnosed
-from obseq.images.causes.refusals import explained
+from obseq.images.diagnosing.diagnosis import diagnosed
+from obseq.images.diagnosing.refusals import explained
 from obseq.images.output.record import record_of
 from obseq.survey import Network
 

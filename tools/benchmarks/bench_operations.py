@@ -16,9 +16,8 @@ import sympy
 from command import command_line
 
 from obseq.codegen.compiler import derive
-from obseq.formulas import Formula
+from obseq.formulas import Formula, formula
 from obseq.formulas import functions as ours
-from obseq.formulas.families import formula
 
 NAMES = (
     "Dist3D",

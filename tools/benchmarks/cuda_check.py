@@ -55,7 +55,7 @@ def prepare(folder: Path) -> None:
     from obseq.codegen.c99 import cuda
     from obseq.codegen.compiler import derive
     from obseq.codegen.modules import module_name
-    from obseq.formulas.families import formula
+    from obseq.formulas import formula
     from obseq.kernels import calculator, derivatives
 
     folder.mkdir(parents=True, exist_ok=True)

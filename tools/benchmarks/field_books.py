@@ -133,6 +133,27 @@ def jobxml(setups: list[SetUp]) -> Iterator[str]:
     yield "</FieldBook>\n</JOBFile>"
 
 
+def landxml(setups: list[SetUp]) -> Iterator[str]:
+    """LandXML, decimal degrees."""
+    yield '<?xml version="1.0" encoding="UTF-8"?>\n<LandXML version="1.2">\n<Units>'
+    yield '<Metric linearUnit="meter" angularUnit="decimal degrees" directionUnit="decimal degrees"/>'
+    yield "</Units>\n<Survey>\n<Equipment>"
+    for name in INSTRUMENTS:
+        yield f'<InstrumentDetails id="{name}" model="{name}"/>'
+    yield "</Equipment>"
+    for k, setup in enumerate(setups):
+        yield f'<InstrumentSetup id="s{k}" instrumentDetailsID="{setup.instrument}"'
+        yield f' stationName="{setup.point}" instrumentHeight="{setup.height}"/>'
+        yield f'<ObservationGroup setupID="s{k}">'
+        for shot in setup.shots:
+            yield f'<RawObservation horizAngle="{shot.circle / 3600:.12f}" targetHeight="{shot.height}"'
+            yield f' zenithAngle="{shot.vertical / 3600:.12f}" slopeDistance="{shot.distance / 1e3:.3f}"'
+            yield f' directFace="{str(shot.face == 1).lower()}">\n<TargetPoint name="{shot.target}"/>'
+            yield "</RawObservation>"
+        yield "</ObservationGroup>"
+    yield "</Survey>\n</LandXML>"
+
+
 def sdr(setups: list[SetUp]) -> Iterator[str]:
     """Sokkia SDR33, decimal degrees."""
     yield "00NMSDR33 V04-04.02     01-Jan-26 08:00 111211\n10NMJOB             121111"
@@ -238,6 +259,7 @@ def gts(setups: list[SetUp]) -> Iterator[str]:
 FORMATS: dict[str, Callable[[list[SetUp]], Iterator[str]]] = {
     "job.gsi": gsi,
     "job.jxl": jobxml,
+    "job.xml": landxml,
     "job.sdr": sdr,
     "job.rw5": rw5,
     "nikon.raw": nikon,

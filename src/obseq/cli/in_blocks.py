@@ -2,7 +2,8 @@
 
 import argparse
 import sys
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,6 +57,21 @@ def _tell(text: str) -> None:
     print(printable(text), file=sys.stderr)
 
 
-def ended(blocks: "Blocks | None") -> AbstractContextManager[object]:
-    """Removes files and workers at its end."""
-    return nullcontext() if blocks is None else blocks
+@contextmanager
+def ended(blocks: "Blocks | None") -> Iterator[None]:
+    """Removes files and workers at its end, and says what this process took of the memory asked for."""
+    if blocks is None:
+        yield
+        return
+    with blocks:
+        yield
+        if blocks.memory is not None:
+            _tell_most(blocks.memory)
+
+
+def _tell_most(wanted: str | int) -> None:
+    from obseq.leastsquares.blocks.memory import bytes_of, most_in_use, told
+
+    if most := most_in_use():
+        more = ", more than was asked for, which parts of the factorisation keep to; see docs/scaling.md"
+        _tell(f"memory: {told(most)} at most{more if most > bytes_of(wanted) else ''}")

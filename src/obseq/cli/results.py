@@ -153,10 +153,10 @@ def detail_of(arguments: argparse.Namespace, kind: str) -> Detail:
 
 def _tables(kind: str) -> tuple[str, ...]:
     """The tables of all results of a kind."""
-    from obseq.report.content import TABLES
+    from obseq.report.tables.content import TABLES
 
     if kind == "plan":
-        from obseq.report.content_plan import PLAN_TABLES
+        from obseq.report.tables.content_plan import PLAN_TABLES
 
         return (*PLAN_TABLES, *TABLES)
     if kind == "block":

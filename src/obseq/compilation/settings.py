@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-INTERFACE = 2
+INTERFACE = 3
 """Number of the way in which functions are compiled and called; a change makes all older code unusable."""
 
 FAILED = -1

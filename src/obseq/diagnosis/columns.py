@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import field
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -11,7 +12,7 @@ from obseq.dataclass import dataclass
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from obseq.arrays import BoolArray, FloatArray, IntArray
+    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
     from obseq.diagnosis.linear import Linear
     from obseq.leastsquares.sparse import Sparse
 
@@ -39,6 +40,7 @@ class Columns:
 
     matrix: Sparse | FloatArray
     is_local: BoolArray
+    _kept: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
     def norms(self) -> FloatArray:
         """(k,) length of each."""
@@ -54,6 +56,7 @@ class Columns:
     def scale(self, lengths: FloatArray) -> None:
         """Divides them by lengths (k,), in place: those of a large network are not copied."""
         matrix = self.matrix
+        self._kept.clear()
         if isinstance(matrix, np.ndarray):
             matrix /= lengths
         else:
@@ -115,11 +118,11 @@ class Columns:
             weights[local] = 1.0 - through.dots(through @ cast("Sparse", linear.cofactors))
         return weights
 
-    def _units(self, linear: Linear) -> IntArray:
+    def _units(self, linear: Linear) -> IndexArray:
         """(k,) first equation of the observation that a column changes; negative for several or none."""
         each, taken = self._each, cast("Sparse", linear.taken)
         first = taken.columns[taken.starts[:-1]]
-        found = np.full(each.shape[0], _NONE)
+        found = np.full(each.shape[0], _NONE, np.int32)
         (some,) = np.nonzero(each.counts)
         if some.size:
             owners = first[each.columns]
@@ -177,9 +180,12 @@ class Columns:
         ]
 
     def _through(self, linear: Linear) -> tuple[FloatArray, FloatArray]:
-        """A' C, and Q A' C."""
-        through = np.asarray(linear.rows.T @ cast("FloatArray", self.matrix))
-        return through, linear.solve(np.ascontiguousarray(through)) if len(through) else through
+        """A' C, and Q A' C; of a plain array they are kept: tests of sets ask for them again."""
+        if not self._kept:
+            through = np.asarray(linear.rows.T @ cast("FloatArray", self.matrix))
+            solved = linear.solve(np.ascontiguousarray(through)) if len(through) else through
+            self._kept.append((through, solved))
+        return self._kept[0]
 
 
 def _through(linear: Linear, columns: Sparse) -> FloatArray:

@@ -18,9 +18,9 @@ from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
-from obseq.diagnosis.selection import equals, gains, inside, merged, needed, select
-from obseq.diagnosis.verdict import Status, Verdict
-from obseq.errors import ObseqError
+from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
+from obseq.diagnosis.verdict import ASTRAY, UNDETERMINED, Status, Verdict
+from obseq.errors import ObseqError, SingularSystemError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -70,7 +70,7 @@ class Search(Generic[Place]):
     def __init__(self, model: Model[Place], policy: Policy, told: Told | None = None) -> None:
         self._model, self._policy = model, policy
         self._hypotheses = model.hypotheses
-        self._steps, self._told = 0, told
+        self._steps, self._told, self._reason = 0, told, ASTRAY
         self._last: tuple[Place, LinearTests] | None = None
         self._is_large = False
         self._places: list[tuple[Place | None, bool]] = []
@@ -90,10 +90,11 @@ class Search(Generic[Place]):
                 return judged(self._model, best, "")
         robust = self._robust(())
         self._places = [(robust, True), (solution, False)]
-        if robust is None:
+        try:
+            self.count = 0 if robust is None else self._too_many(robust)
+        except ObseqError:  # nothing can be tested where all determines too little
             return None
-        self.count = self._too_many(robust)
-        if self.count:
+        if robust is None or self.count:
             return None
         self._from_next()
         best = self._best
@@ -108,22 +109,30 @@ class Search(Generic[Place]):
         """What is wrong, from all places where that may be seen."""
         best = self._from_all_places()
         if best is None:
-            return Verdict(Status.UNDECIDED, reason="no adjustment without what may be wrong converges")
+            return Verdict(Status.UNDECIDED, reason=self._reason)
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
         return judged(self._model, best, spent if self._is_spent and self._budget else "")
 
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended, if it is a place to test anything at."""
+        return self._testable(self._model.solution)
+
+    def _testable(self, found: Callable[[], Place | None]) -> Place | None:
+        """A place, if it is found, and observations determine the unknowns there."""
         try:
-            return self._model.solution()
-        except ObseqError:
+            place = found()
+            if place is not None:
+                self._tests(place)
+        except ObseqError as error:
+            self._reason = UNDETERMINED if isinstance(error, SingularSystemError) else self._reason
             return None
+        return place
 
     def _of_nothing(self, solution: Place) -> Verdict | None:
         """That a solution shows nothing, or nothing that has a name; else None."""
         tests = self._tests(solution)
-        found = tests.tests(tests.given(()), blocks=False)
-        told = np.flatnonzero(np.isfinite(gains(tests, found))).tolist()
+        gained = gains(tests, tests.tests(tests.given(()), blocks=False))
+        told = np.flatnonzero(np.isfinite(gained)).tolist()
         is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
         if is_accepted and all(tests.is_small(i, [i]) for i in told):
             return judged(self._model, Explanation(0.0, tests, tuple(select(tests)), solution), "")
@@ -187,19 +196,27 @@ class Search(Generic[Place]):
         return not is_one and not (self._is_large and len(best.chosen) >= self._policy.most)
 
     def _too_many(self, robust: Place) -> int:
-        """How many rows are off at a robust place, if more than may be told and no few errors explain it."""
-        tests, policy = self._tests(robust), self._policy
-        rows = self._hypotheses.columns[self._hypotheses.starts[:-1][self._hypotheses.is_start]]
-        count = int(np.count_nonzero(np.abs(tests.off[rows]) > policy.suspect))
-        if count <= policy.most or count > policy.half * tests.linear.redundancy:
-            return count if count > policy.most else 0
+        """How many rows are off at a robust place, if they are many and no few errors explain it.
+
+        More than may be told, or most of a kind: such as the known coordinates.
+        """
+        tests, policy, hypotheses = self._tests(robust), self._policy, self._hypotheses
+        alone = np.flatnonzero(hypotheses.is_start)
+        off = np.abs(tests.off[hypotheses.columns[hypotheses.starts[:-1][alone]]]) > policy.suspect
+        shares = [
+            off[hypotheses.family[alone] == one].mean() for one in set(hypotheses.family[alone].tolist())
+        ]
+        count = int(np.count_nonzero(off))
+        is_shared = policy.half < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
+        if count <= (policy.few if is_shared else policy.most):
+            return 0
         few = select(tests, _suspected_blocks(tests)[: policy.few], most=policy.few)
-        left, spare = tests.cost - tests.took(few), tests.linear.redundancy - sum(map(tests.rank, few))
-        return 0 if left <= accepted(spare, policy) else count
+        return 0 if _explain(tests, few) else count
 
     def _by_one(self, solution: Place) -> Explanation[Place] | None:
         """One hypothesis that explains all that least squares show, and is proved by its adjustment."""
-        if len(self._selected(self._tests(solution), [], is_robust=False)) != 1:
+        tests = self._tests(solution)
+        if not _explain(tests, select(tests, most=1)):
             return None
         found = self._adapted(solution, is_robust=False)
         is_proved = found is not None and found.is_accepted and len(found.chosen) == 1
@@ -236,10 +253,7 @@ class Search(Generic[Place]):
 
     def _robust(self, without: Sequence[Change]) -> Place | None:
         self._spend(26)
-        try:
-            return self._model.robust(without)
-        except ObseqError:
-            return None
+        return self._testable(lambda: self._model.robust(without))
 
     def _without_the_worst(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a robust start without the row of the largest test, which may have spoiled the first."""
@@ -287,6 +301,8 @@ class Search(Generic[Place]):
                 tests = self._tests(place, applied)
                 bent = self._to_try(tests) if turn == 0 and not applied else bent
                 chosen = self._selected(tests, [change.index for change in applied], is_robust=is_robust)
+                if before and not is_less(tests.price(chosen), tests.price(before)):
+                    chosen = before  # of equals, that which the place is adjusted without
                 if chosen == before or not chosen:
                     return Explanation(tests.price(chosen), tests, chosen, place), bent
                 before, changes = chosen, [Change(i, *s) for i, s in tests.sizes(chosen).items()]
@@ -337,6 +353,12 @@ class Search(Generic[Place]):
         which = np.flatnonzero(self._hypotheses.is_bent & (found.statistic > least))
         which = which[np.argsort(-found.statistic[which], kind="stable")][: self._policy.trials]
         return tuple(change_of(tests, int(i)) for i in which)
+
+
+def _explain(tests: LinearTests, chosen: Sequence[int]) -> bool:
+    """Whether the overall test accepts what hypotheses leave at a linearisation."""
+    spare = tests.linear.redundancy - sum(map(tests.rank, chosen))
+    return tests.cost - tests.took(chosen) <= accepted(spare, tests.policy)
 
 
 def _cheapest(tests: LinearTests, found: list[list[int]]) -> list[int]:

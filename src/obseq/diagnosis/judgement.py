@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from obseq.diagnosis.explanation import Explanation, accepted
 from obseq.diagnosis.protocol import Change
-from obseq.diagnosis.selection import equals, for_a_slip, inside, kept, select
+from obseq.diagnosis.selection import equals, for_a_slip, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
 from obseq.errors import ObseqError
 
@@ -37,7 +37,7 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     found = with_slips(model, Explanation(found.price, found.tests, tuple(chosen), found.place, found.same))
     chosen, tests = list(found.chosen), found.tests
     left = max(tests.cost - tests.took(chosen), 0.0)  # a difference of large numbers where little is left
-    if is_accepted and chosen and left + tests.due(chosen) > _of_sigmas(tests):
+    if is_accepted and chosen and left + tests.due(chosen) / tests.scale > _of_sigmas(tests):
         return Verdict(Status.UNEXPLAINED, (), tests.cost, tests.linear.redundancy, reason)
     redundancy = tests.linear.redundancy - sum(map(tests.rank, chosen))
     if not chosen:  # nothing that was found stands out of the noise
@@ -99,18 +99,16 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
 def with_slips(model: Model[Place], found: Explanation[Place]) -> Explanation[Place]:
     """The same with a block in place of its rows where a slip explains it: a name, say."""
     tests = found.tests
-    for block in for_a_slip(tests, found.chosen):
-        gone = inside(tests, found.chosen, block)
-        other = kept(tests, [*(i for i in found.chosen if i not in gone), block])
-        if block not in other:
-            continue
+    for other in for_a_slip(tests, found.chosen):
+        (block,) = (i for i in other if i not in found.chosen)
         sizes = tests.sizes(other)
         try:
             place, _, _ = model.adjusted(found.place, [Change(i, *sizes[i]) for i in other])
         except ObseqError:
             continue
         if any(slip.is_strong for slip in model.slips(Change(block, *sizes[block]), place)):
-            found = Explanation(tests.price(other), tests, tuple(other), place, found.same)
+            explained = Explanation(tests.price(other), tests, tuple(other), place, found.same)
+            return with_slips(model, explained)
     return found
 
 

@@ -20,10 +20,12 @@ class Policy:
         unseen: Share of its own weight below which a column shows nothing: its inverse magnifies rounding.
         least: Sigmas by which what several observations share must change one of them, and be proved to, to
             be an error: what is less is within what sigmas announce. By the meaning of a sigma.
-        suspect: Sigmas, at the robust place, from which backward elimination starts: beyond any noise.
+        suspect: Sigmas, at the robust place, from which backward elimination starts: beyond any noise. Of a
+            misfit, usual sigmas from which it is large whatever its own sigma says.
         whole: Share of the rows of a block that must be off: two errors in one set-up are no wrong set-up.
         share: Share of all squares that an effect which is not linear must explain to be tried as what it is.
-        half: Share of the redundancy that what is accused may take: of more, the rest would be the error.
+        half: Share of the redundancy that what is accused may take, of a kind that is off, of sigmas that are
+            out of line: of more, the rest would be the error.
         better: Share of its contradictions that a mistake of many values leaves a network at most.
         nameless: Contradictions by which such a mistake must be better where no slip explains it.
         equal: Contradictions by which two of them may differ that explain a network equally well.
@@ -33,8 +35,8 @@ class Policy:
         most: Errors that are told one by one.
         begun: Suspects from which backward elimination starts, the worst of them.
         held_down: Errors that are told where robust weights hold them down: so many cost ten adjustments.
-            And columns of a large model that are solved for at one place, the worst of those that pass the
-            screen: more pass only where nearly everything contradicts, or of 400,000.
+            And columns of a large model, and sets of columns, that are solved for at one place, the worst
+            of those that pass the screen: more pass only where nearly everything contradicts, or of 400,000.
         exchanges: Exchanges of one hypothesis for another at most: masked pairs take one or two.
         rounds: Linearisations at most, for one explanation.
         trials: Changes, or starts without one row, that are adjusted anew.
@@ -47,6 +49,8 @@ class Policy:
             four hundred passes; an error at the limit of its test (near 5) is lost only where the group shows
             less than a third of what its equations show one by one.
         sigmas: Rarity of sigmas that are all too small by one factor: as of groups.
+        out_of_line: Times by which a sigma is larger or smaller than the usual one of its kind, from which it
+            is told if it hides an error or makes one: no instrument is so much better than its like. Chosen.
         columns: Equations of a group that takes them out one by one, up to which it is tested: each is solved
             for, and all their products are kept.
         steps, steps_of_large: Iterations of all adjustments together; of models with more equations than
@@ -81,6 +85,7 @@ class Policy:
     large: int = 5000
     screen: float = 3.0
     sigmas: float = 4.0
+    out_of_line: float = 100.0
     columns: int = 1000
     steps: int = 240
     steps_of_large: int = 60

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
-_TWO = 2
-"""Errors that may well be in one block by chance."""
 
 
 def select(
@@ -92,12 +90,17 @@ def exchanged(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
             found = tests.tests(given, rest, blocks=bool(tests.hypotheses.is_block[i]))
             prices = tests.cost - tests.took(rest) + tests.due(rest) - gains(tests, found)
             j = int(np.argmin(prices))
-            if j != i and prices[j] < price - _TOLERANCE * (1e3 + abs(price)):
+            if j != i and is_less(float(prices[j]), price):
                 price, better = float(prices[j]), [*rest, j]
         if better is None:
             return now
         now = kept(tests, better)
     return now
+
+
+def is_less(price: float, other: float) -> bool:
+    """Whether a price is lower than another by more than rounding."""
+    return price < other - _TOLERANCE * (1e3 + abs(other))
 
 
 def _are_few(tests: LinearTests, chosen: Sequence[int]) -> bool:
@@ -132,12 +135,10 @@ def simplified(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
         if not special.size:
             continue
         rest = [j for j in now if j != i]
-        given = tests.given(rest)
-        taken = tests.tests(given, rest, blocks=False).statistic[special]
-        best = int(np.argmax(taken))
-        whole = tests.took(now) - tests.took(rest)
-        if whole - taken[best] <= tests.limit(tests.rank(i) - 1):
-            now = [*rest, int(special[best])]
+        taken = tests.tests(tests.given(rest), rest, blocks=False).statistic[special]
+        other = [*rest, int(special[np.argmax(taken)])]
+        if tests.price(other) < tests.price(now) + tests.policy.margin:
+            now = other
     return now
 
 
@@ -154,22 +155,26 @@ def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     return [j for j in some.tolist() if hypotheses.q[inside(tests, chosen, j)].sum() >= needed(tests, j)]
 
 
-def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
-    """Blocks that are told only where a slip explains them.
+def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[list[int]]:
+    """Selections with a block in place of what it makes needless, that cost less, the cheapest first.
 
-    Names, that hold most of what is chosen; and others that hold several of them, and cost less.
+    A block such as a name is told only where a slip explains it. Its rows may be told as other errors: of two
+    sights to a point either may be the wrong one.
     """
-    if len(chosen) < 2:
+    hypotheses = tests.hypotheses
+    if not len(chosen) or (len(chosen) == 1 and not hypotheses.is_block[chosen[0]]):
         return []
-    mostly = [j for j in _mostly(tests, chosen) if tests.hypotheses.needs_slip[j]]
-    blocks = np.flatnonzero(tests.hypotheses.is_block & ~tests.hypotheses.needs_slip & tests.is_solved)
-    several = [j for j in blocks.tolist() if j not in chosen and len(inside(tests, chosen, j)) > _TWO]
-    price = tests.price(chosen) if several else 0.0
-    return mostly + [
-        j
-        for j in several
-        if tests.price([*(i for i in chosen if i not in inside(tests, chosen, j)), j]) < price
-    ]
+    held = np.concatenate([hypotheses.of(i) for i in chosen])
+    found = tests.tests(tests.given(())).statistic > 0.0
+    blocks = np.flatnonzero(found & hypotheses.is_block & (hypotheses.q > 1)).tolist()
+    price, others = tests.price(chosen), []
+    for j in blocks:
+        own = hypotheses.of(j)
+        if j in chosen or not np.isin(own, held).any():
+            continue
+        other = kept(tests, [*(i for i in chosen if not np.isin(hypotheses.of(i), own).any()), j])
+        others += [other] if j in other and tests.price(other) < price else []
+    return sorted(others, key=tests.price)
 
 
 def needed(tests: LinearTests, block: int) -> float:

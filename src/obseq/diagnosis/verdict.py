@@ -10,6 +10,9 @@ from obseq.dataclass import dataclass
 if TYPE_CHECKING:
     from obseq.diagnosis.protocol import Change, Slip
 
+ASTRAY = "no adjustment without what may be wrong converges"
+UNDETERMINED = "the observations leave some unknowns undetermined, so that nothing can be tested"
+
 
 class Status(enum.StrEnum):
     """How a diagnosis ends."""

@@ -75,7 +75,10 @@ class ControlPoints(GivenComponents):
         """
         names = unique_names(names, "control point")
         spread = sigmas_of(sigmas, len(names), 3, "control points: sigmas")
-        wrong = np.flatnonzero(~(spread >= 0.0).all(axis=1))
+        with np.errstate(over="ignore", under="ignore"):
+            squares = np.square(spread)
+        is_said = (squares > 0.0) & np.isfinite(squares) | (spread == 0.0) | (spread == np.inf)
+        wrong = np.flatnonzero(~(is_said & (spread >= 0.0)).all(axis=1))
         if wrong.size:
             raise RowError(
                 f"control point {names[wrong[0]]}: a sigma is above zero, 0 (held) or infinite (free), "
@@ -83,7 +86,7 @@ class ControlPoints(GivenComponents):
                 int(wrong[0]),
             )
         covariances = np.zeros((len(names), 3, 3))
-        covariances[:, range(3), range(3)] = np.square(spread)
+        covariances[:, range(3), range(3)] = squares
         return cls._checked(names, coordinates, covariances)
 
     @classmethod

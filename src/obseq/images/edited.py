@@ -17,8 +17,8 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.images.adjusted import AdjustedBlock
 from obseq.images.adjustment.adjustable import AdjustableBlock
-from obseq.images.causes.diagnosing import diagnosed, silent
-from obseq.images.causes.refusals import explained
+from obseq.images.diagnosing.diagnosis import diagnosed, silent
+from obseq.images.diagnosing.refusals import explained
 from obseq.leastsquares import Blocks
 from obseq.leastsquares.problem.losses import named_loss
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray
     from obseq.images.adjustment.solution import BundleSolution
     from obseq.images.parts import MeasureSet
+    from obseq.reading.origin import Origin
 
 ARROWS = ("->", "\u2192")
 KINDS = ("image", "control")
@@ -201,13 +202,21 @@ class EditedBlock(AdjustableBlock):
         made.add_approximations(solution.points, solution.coordinates)
         return made
 
+    def _control_named(self, name: str) -> BoolArray:
+        """(n,) control points that a name, or the place of one, means."""
+        meant = {name}
+        for names, origin in self.control_origins:
+            if line := _line_of(name, origin):
+                meant |= {known for known, at in zip(names, origin.lines, strict=True) if at == line}
+        return np.array([known in meant for known in self.control.names], np.bool_)
+
     def _chosen(self, what: tuple[str, ...], kind: str | None) -> Chosen:
         if kind is not None and kind not in KINDS:
             raise InputError(f"no observation is of kind {kind}; there are {', '.join(KINDS)}")
         every = [
             Chosen(
                 tuple(_named(part, name) & (kind != "control") for part in self.sets),
-                np.array([known == name for known in self.control.names], np.bool_) & (kind != "image"),
+                self._control_named(name) & (kind != "image"),
             )
             for name in what
         ]
@@ -236,10 +245,16 @@ def _named(part: MeasureSet, name: str) -> BoolArray:
             image, point = (word.strip() for word in name.split(arrow, 1))
             rows = _of(given.image_names, given.image, image) & _of(given.point_names, given.point, point)
             return np.asarray(rows)
-    file, _, line = name.rpartition(":")
-    if line.isdecimal() and origin is not None and file in (origin.path, PurePath(origin.path).name):
-        return np.asarray(np.equal(origin.lines, int(line)))
+    if origin is not None and (line := _line_of(name, origin)):
+        return np.asarray(np.equal(origin.lines, line))
     return _of(given.image_names, given.image, name) | _of(given.point_names, given.point, name)
+
+
+def _line_of(name: str, origin: Origin) -> int:
+    """The line of a file that a place `file:line` means, from 1; 0 for none of it."""
+    file, _, line = name.rpartition(":")
+    is_there = line.isdecimal() and file in (origin.path, PurePath(origin.path).name)
+    return int(line) if is_there else 0
 
 
 def _of(names: Sequence[str], numbers: IntArray, name: str) -> BoolArray:

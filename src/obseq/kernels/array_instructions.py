@@ -10,6 +10,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from obseq.compilation.emission import Builder, Context, Emitter, NumbaType, Value
 
 _FOUR = ir.VectorType(ir.DoubleType(), 4)
@@ -38,26 +40,12 @@ def rows_of(typing_context: Context, array: NumbaType) -> Emitter:
     return types.Array(types.float64, 2, "C")(array), generate
 
 
-@intrinsic
-def copy_ones(
-    typing_context: Context, source: NumbaType, i: NumbaType, target: NumbaType, j: NumbaType
-) -> Emitter:
-    """Copies four doubles from place `i` to place `j`."""
-
-    def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
-        given, written = _places(context, builder, signature, arguments)
-        builder.store(builder.load(given(0), align=8), written(0), align=8)
-        return context.get_dummy_value()
-
-    index = types.uint64
-    return types.void(source, index, target, index), generate
-
-
-def _pairs(stride_of_source: bool, masks: tuple[list[int], list[int]]) -> Value:
-    """Two vectors of four doubles, shuffled to two others; `stride` is between those of the tile."""
+def _narrow(width: int, to_tile: bool) -> Value:
+    """Copies four rows of so many doubles to four lanes of a tile, or back; `stride` is between its rows."""
+    number = 4 * width
 
     @intrinsic
-    def copy_pairs(
+    def copy(
         typing_context: Context,
         source: NumbaType,
         i: NumbaType,
@@ -66,34 +54,50 @@ def _pairs(stride_of_source: bool, masks: tuple[list[int], list[int]]) -> Value:
         stride: NumbaType,
     ) -> Emitter:
         def generate(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
-            given, written = _places(context, builder, signature, arguments)
-            steps = (arguments[4], _INT64(4)) if stride_of_source else (_INT64(4), arguments[4])
-            first, second = builder.load(given(0), align=8), builder.load(given(steps[0]), align=8)
-            for mask, step in zip(masks, (0, steps[1]), strict=True):
-                order = ir.Constant(ir.VectorType(_INT32, 4), mask)
-                builder.store(builder.shuffle_vector(first, second, order), written(step), align=8)
+            first, second = (_place(context, builder, signature, arguments, array) for array in (0, 2))
+            tile, rows = (second, first) if to_tile else (first, second)
+            together = builder.bitcast(rows, ir.VectorType(ir.DoubleType(), number).as_pointer())
+            steps = [builder.mul(arguments[4], _INT64(k)) for k in range(width)]
+            lanes = [builder.bitcast(builder.gep(tile, [step]), _FOUR.as_pointer()) for step in steps]
+            if to_tile:
+                loaded = builder.load(together, align=8)
+                for k, lane in enumerate(lanes):
+                    builder.store(_picked(builder, loaded, range(k, number, width)), lane, align=8)
+            else:
+                joined = _joined(builder, [builder.load(lane, align=8) for lane in lanes])
+                order = [4 * k + lane for lane in range(4) for k in range(width)]
+                builder.store(_picked(builder, joined, order), together, align=8)
             return context.get_dummy_value()
 
         index = types.uint64
         return types.void(source, index, target, index, index), generate
 
-    return copy_pairs
+    return copy
 
 
-def _places(context: Context, builder: Builder, signature: NumbaType, arguments: Value) -> Value:
-    """Where vectors are read and written, by their distance from the places that are given."""
-
-    def place(array: int) -> Value:
-        data = context.make_array(signature.args[array])(context, builder, arguments[array]).data
-
-        def at(step: Value) -> Value:
-            index = arguments[array + 1] if step == 0 else builder.add(arguments[array + 1], step)
-            return builder.bitcast(builder.gep(data, [index]), _FOUR.as_pointer())
-
-        return at
-
-    return place(0), place(2)
+def _place(context: Context, builder: Builder, signature: NumbaType, arguments: Value, array: int) -> Value:
+    data = context.make_array(signature.args[array])(context, builder, arguments[array]).data
+    return builder.gep(data, [arguments[array + 1]])
 
 
-split_pairs = _pairs(stride_of_source=False, masks=([0, 2, 4, 6], [1, 3, 5, 7]))
-join_pairs = _pairs(stride_of_source=True, masks=([0, 4, 1, 5], [2, 6, 3, 7]))
+def _picked(builder: Builder, vector: Value, order: Iterable[int]) -> Value:
+    """Entries of a vector, in an order."""
+    places = list(order)
+    mask = ir.Constant(ir.VectorType(_INT32, len(places)), places)
+    return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
+
+
+def _joined(builder: Builder, vectors: Sequence[Value]) -> Value:
+    """Vectors of four one after the other, as one."""
+    number = 4 * len(vectors)
+    whole = ir.Constant(ir.VectorType(ir.DoubleType(), number), ir.Undefined)
+    for k, vector in enumerate(vectors):
+        wide = _picked(builder, vector, [entry % 4 for entry in range(number)])
+        order = [number + entry - 4 * k if entry // 4 == k else entry for entry in range(number)]
+        mask = ir.Constant(ir.VectorType(_INT32, number), order)
+        whole = builder.shuffle_vector(whole, wide, mask)
+    return whole
+
+
+split_ones, split_twos, split_threes = (_narrow(width, to_tile=True) for width in (1, 2, 3))
+join_ones, join_twos, join_threes = (_narrow(width, to_tile=False) for width in (1, 2, 3))

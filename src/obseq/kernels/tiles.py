@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 
 call_address = Instruction("obseq.kernels.instructions", "call_address")
 U = np.uint64
-ROW, TWO, THREE = U(STRIDE), U(2), U(3)
+ROW, TWO, THREE, FOUR = U(STRIDE), U(2), U(3), U(4)
 
 pointer_to = Instruction("obseq.kernels.instructions", "pointer_to")
 ask_for, stream, finish_streams = (
     Instruction("obseq.kernels.memory_instructions", name) for name in ("ask_for", "stream", "finish_streams")
 )
-rows_of, copy_ones, split_pairs, join_pairs = (
-    Instruction("obseq.kernels.array_instructions", name)
-    for name in ("rows_of", "copy_ones", "split_pairs", "join_pairs")
+rows_of = Instruction("obseq.kernels.array_instructions", "rows_of")
+split_ones, split_twos, split_threes, join_ones, join_twos, join_threes = (
+    Instruction("obseq.kernels.array_instructions", f"{what}_{width}")
+    for what in ("split", "join")
+    for width in ("ones", "twos", "threes")
 )
 
 
@@ -57,50 +59,67 @@ def fill_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int, ahead: i
     Rows so many `ahead` are asked for meanwhile, for arguments that no cache holds; none if it is 0.
     """
     width, lanes = rows.shape[1], min(LANES, len(rows) - start)
-    whole = lanes // 4 * 4 if width != 3 else 0
-    asked = 4 * width if ahead else 0
-    for lane in range(0, lanes, 4):
-        ask_for(rows, (start + lane + ahead) * width, asked)
-        if lane < whole:
-            fill_four(tiles, at + lane, rows, start + lane)
+    whole, step = lanes // 4 * 4, U(width)
+    for quad in range(0, width, 4):
+        ask_for(rows, (start + ahead) * width + quad * LANES, min(width - quad, 4) * LANES if ahead else 0)
+        if width < 4:
+            fill_narrow(tiles, at, rows, start, whole)
+            continue
+        i = min(quad, width - 4)
+        place, a = U(at + i * STRIDE), U(start * width + i)
+        for _ in range(0, whole, 4):
+            transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, place, ROW)
+            place, a = place + FOUR, a + FOUR * step
     for i in range(width):
         for lane in range(whole, lanes):
             tiles[at + i * STRIDE + lane] = rows[start + lane, i]
 
 
 @compiled
-def fill_four(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
-    """Copies four rows, not of three columns, to lanes of a tile."""
+def fill_narrow(tiles: FloatArray, at: int, rows: FloatRows, start: int, lanes: int) -> None:
+    """Copies rows of at most three columns to lanes of a tile, of a multiple of four."""
     width = rows.shape[1]
-    row, step = U(start * width), U(width)
-    if width == 1:
-        copy_ones(rows, row, tiles, U(at))
-    elif width == 2:
-        split_pairs(rows, row, tiles, U(at), ROW)
-    for quad in range(0, width if width >= 4 else 0, 4):
-        i = min(quad, width - 4)
-        a = row + U(i)
-        transpose4(rows, a, a + step, a + TWO * step, a + THREE * step, tiles, U(at + i * STRIDE), ROW)
+    for lane in range(0, lanes, 4):
+        place, a = U(at + lane), U((start + lane) * width)
+        if width == 1:
+            split_ones(rows, a, tiles, place, ROW)
+        elif width == 2:
+            split_twos(rows, a, tiles, place, ROW)
+        else:
+            split_threes(rows, a, tiles, place, ROW)
 
 
 @compiled
 def read_lanes(tiles: FloatArray, at: int, rows: FloatRows, start: int) -> None:
     """Copies the lanes of a tile to rows, as many as there are."""
     width, lanes = rows.shape[1], min(LANES, len(rows) - start)
-    whole = lanes // 4 * 4 if width != 3 else 0
-    for lane in range(0, whole, 4):
-        if width == 1:
-            copy_ones(tiles, U(at + lane), rows, U(start + lane))
-        elif width == 2:
-            join_pairs(tiles, U(at + lane), rows, U((start + lane) * 2), ROW)
-        for quad in range(0, width if width >= 4 else 0, 4):
-            i = min(quad, width - 4)
-            a = U(at + i * STRIDE + lane)
-            place = U((start + lane) * width + i)
-            transpose4(tiles, a, a + ROW, a + TWO * ROW, a + THREE * ROW, rows, place, U(width))
+    whole, step = lanes // 4 * 4, U(width)
+    for quad in range(0, width, 4):
+        if width < 4:
+            read_narrow(tiles, at, rows, start, whole)
+            continue
+        i = min(quad, width - 4)
+        a, place = U(at + i * STRIDE), U(start * width + i)
+        for _ in range(0, whole, 4):
+            transpose4(tiles, a, a + ROW, a + TWO * ROW, a + THREE * ROW, rows, place, step)
+            a, place = a + FOUR, place + FOUR * step
     for i in range(width):
         for lane in range(whole, lanes):
             rows[start + lane, i] = tiles[at + i * STRIDE + lane]
+
+
+@compiled
+def read_narrow(tiles: FloatArray, at: int, rows: FloatRows, start: int, lanes: int) -> None:
+    """Copies lanes of a tile, of a multiple of four, to rows of at most three columns."""
+    width = rows.shape[1]
+    for lane in range(0, lanes, 4):
+        a, place = U(at + lane), U((start + lane) * width)
+        if width == 1:
+            join_ones(tiles, a, rows, place, ROW)
+        elif width == 2:
+            join_twos(tiles, a, rows, place, ROW)
+        else:
+            join_threes(tiles, a, rows, place, ROW)
 
 
 @compiled

@@ -19,13 +19,13 @@ FULL_TURN, HALF_TURN, RIGHT_ANGLE = 2.0 * math.pi, math.pi, 0.5 * math.pi
 
 
 def of_sixty(degrees: int, minutes: int, seconds: float) -> float:
-    """Radians of degrees, minutes and seconds.
+    """Radians of degrees, minutes and seconds; 60 seconds are what rounding makes of 59.96, and one angle.
 
     Raises:
-        ValueError: Minutes or seconds are not below 60.
+        ValueError: Minutes are not below 60, or seconds are beyond it.
     """
-    if minutes >= 60 or seconds >= 60.0:
-        raise ValueError("minutes and seconds are below 60")
+    if minutes >= 60 or seconds > 60.0:
+        raise ValueError("minutes are below 60, and seconds at most 60")
     return (degrees * 3600 + minutes * 60 + seconds) * SECOND
 
 
@@ -36,7 +36,7 @@ def dashed(text: str) -> float | None:
     """Radians of `ddd-mm-ss.s`; None of a text that is written in another way.
 
     Raises:
-        ValueError: Minutes or seconds are not below 60.
+        ValueError: Minutes are not below 60, or seconds are beyond it.
     """
     found = DASHED.fullmatch(text)
     if found is None:

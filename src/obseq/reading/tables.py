@@ -16,7 +16,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.reading.origin import Origin
-from obseq.reading.text import counted, quoted, read_bytes
+from obseq.reading.text import counted, invisible, quoted, read_bytes
 from obseq.spreadsheets import csv_text, text_in
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def number_in(text: str, said: str) -> float:
         InputError: it is no number, or not finite.
     """
     try:
-        value = float(text)
+        value = float(text) if text.isascii() and "_" not in text else math.nan
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
@@ -128,6 +128,8 @@ class Rows:
             if index in hidden or not self._lines[index].strip(blank):
                 continue
             cells = self._split(index)
+            if unseen := invisible("".join(cells)):
+                raise self._error(index, f"a cell holds {unseen!a}, which nobody sees; type it again")
             if len(cells) != count and not self._is_padded(cells):
                 raise self._error(index, self._miscounted(cells, index))
             yield index, cells[:count]

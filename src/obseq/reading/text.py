@@ -23,6 +23,8 @@ _STRIDE = 1000
 """Lines that are read between two looks at the clock."""
 LEAST_SIGMA = 1e-12
 """Sigmas below it (m, gon) would make weights infinite."""
+_HIDDEN = ("Zs", "Cc")
+"""Blanks and signs of control, as Unicode sorts them."""
 _NO_WIDTH = "\u00ad\u200b\u2060\ufeff"
 _WORD = re.compile(r"\S+", re.ASCII)
 LONGEST_NAME = 200
@@ -218,11 +220,11 @@ def _has_surrogates(text: str) -> bool:
 
 def invisible(text: str) -> str:
     """The first blank that is not of the keyboard, or sign without a width, of a text; "" for none."""
-    if text.isascii() or text.isprintable():
+    if text.isprintable():
         return ""
     from unicodedata import category
 
-    return next((c for c in text if c in _NO_WIDTH or (c != " " and category(c) == "Zs")), "")
+    return next((c for c in text if c not in " \t" and (c in _NO_WIDTH or category(c) in _HIDDEN)), "")
 
 
 def words(text: str) -> list[str]:

@@ -9,7 +9,6 @@ from obseq.arguments import expecting, instance
 from obseq.printable import listed
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.basis import basis, kinds
-from obseq.report.content import TABLES, numbers_of, tables
 from obseq.report.findings import NOT_JUDGED, POOR, findings, is_known, of_height, sight, spreads, weakest
 from obseq.report.head import (
     UNCHECKED,
@@ -31,12 +30,13 @@ from obseq.report.head import (
     strip,
     to_check,
 )
-from obseq.report.named import ellipse_level
 from obseq.report.part import part_of
 from obseq.report.said import name, small
-from obseq.report.spared import spared
 from obseq.report.summary import Outcome
-from obseq.report.units import significant, units_of
+from obseq.report.tables.content import TABLES, numbers_of, tables
+from obseq.report.tables.named import ellipse_level
+from obseq.report.tables.spared import spared
+from obseq.report.tables.units import significant, units_of
 from obseq.report.verdict import Verdict as Test
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
     from obseq.records.adjustment import PointRecord
     from obseq.records.quality import StatisticsRecord
-    from obseq.report.columns import Table
     from obseq.report.head import Level
+    from obseq.report.tables.columns import Table
 
 MOST_NAMES = 8
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.printable import listed
-from obseq.report import units
+from obseq.report.tables import units
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

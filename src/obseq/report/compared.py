@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 from obseq.arguments import expecting, instance
 from obseq.printable import listed
 from obseq.records.comparison import ComparisonRecord
-from obseq.report.columns import all_rounded
-from obseq.report.content_comparison import displacements
 from obseq.report.head import (
     WORDS,
     Card,
@@ -31,14 +29,16 @@ from obseq.report.head import (
 from obseq.report.page import document
 from obseq.report.said import name, small
 from obseq.report.summary import Outcome
-from obseq.report.units import Units
+from obseq.report.tables.columns import all_rounded
+from obseq.report.tables.content_comparison import displacements
+from obseq.report.tables.units import Units
 from obseq.report.writer import Writer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.report.columns import Table
-    from obseq.report.units import Plain
+    from obseq.report.tables.columns import Table
+    from obseq.report.tables.units import Plain
 
 MOST_NAMES = 8
 KNOWN_POINTS = "known points"

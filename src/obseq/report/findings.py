@@ -10,8 +10,8 @@ from msgspec import structs
 
 from obseq.printable import listed
 from obseq.report.head import Finding, Findings, Place, counted
-from obseq.report.named import ellipse_level, short_names, unit_of
 from obseq.report.said import length, name, observed, small
+from obseq.report.tables.named import ellipse_level, short_names, unit_of
 from obseq.report.verdict import LEAST
 from obseq.report.verdict import Verdict as Test
 
@@ -121,9 +121,6 @@ def suspected(item: AccusedRecord, what: str, size: str, where: str, look: str, 
     """An error: what it is called, how large it is, where it was read, where to look, and where it is."""
     text = item.text.removeprefix(item.what).lstrip(": ").removeprefix("is ")
     text = text[:1].upper() + text[1:]
-    if item.others:
-        others = listed([other.what for other in item.others], MOST_NAMES)
-        text = f"{text.rstrip('.')}. Not told apart from: {others}."
     step = f"{look}, correct it, adjust again. What this means:"
     return Finding("bad", what, name(text), size, where, step, f"obseq causes {item.code}", to)
 
@@ -160,7 +157,9 @@ def _accused(record: AdjustmentRecord, item: AccusedRecord) -> Finding:
     to = Place("observations", row=rows[0]) if rows else None
     sigma = item.sigma[0] if item.sigma else 0.0
     off = abs(item.size[0]) / sigma if item.size and sigma else item.test**0.5
-    size = f"off by {off:.{0 if off >= 10 else 1}f} \u03c3"
+    size = (
+        f"off by {off:.{0 if off >= 10 else 1}f} \u03c3" if off else ""
+    )  # of many values nothing is estimated
     if len(rows) != 1:
         return suspected(item, name(item.what), size, "", BOOK, to)
     one = record.observations[rows[0]]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from obseq.printable import printable_line
 from obseq.records.record import Record
-from obseq.report.units import Plain, significant
+from obseq.report.tables.units import Plain, significant
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.report.adjusted import outcome
-from obseq.report.content import numbers_of, tables
-from obseq.report.figure import figure
-from obseq.report.html import escaped
-from obseq.report.plan import plan, plan_of_points
-from obseq.report.spared import spared
+from obseq.report.drawings.figure import figure
+from obseq.report.drawings.html import escaped
+from obseq.report.drawings.plan import plan, plan_of_points
 from obseq.report.summary import brief
-from obseq.report.units import units_of
+from obseq.report.tables.content import numbers_of, tables
+from obseq.report.tables.spared import spared
+from obseq.report.tables.units import units_of
 from obseq.report.writer import Writer, worst
 
 if TYPE_CHECKING:

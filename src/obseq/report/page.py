@@ -13,18 +13,18 @@ from obseq.arguments import expecting, instance
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.record import encoded
 from obseq.report.adjusted import head
-from obseq.report.content import numbers_of, tables
+from obseq.report.drawings.html import escaped
+from obseq.report.drawings.map import similarity
+from obseq.report.drawings.plan import plan
 from obseq.report.head import Finding, Findings, Page, Place, page_of, printed
-from obseq.report.html import escaped
-from obseq.report.map import similarity
-from obseq.report.packed import packed, squeezed
 from obseq.report.part import NOUNS, density, not_shown, part_of, told
-from obseq.report.plan import plan
-from obseq.report.spared import spared
-from obseq.report.units import scales
+from obseq.report.tables.content import numbers_of, tables
+from obseq.report.tables.packed import packed, squeezed
+from obseq.report.tables.spared import spared
+from obseq.report.tables.units import scales
 
 if TYPE_CHECKING:
-    from obseq.report.units import Plain
+    from obseq.report.tables.units import Plain
 
 SCRIPTS = (
     "elements",

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from obseq.arrays import FloatArray, IntArray
     from obseq.records.adjustment import AdjustmentRecord, ObservationRecord, PointRecord
     from obseq.records.record import Record
-    from obseq.report.map import Similarity
-    from obseq.report.units import Plain
+    from obseq.report.drawings.map import Similarity
+    from obseq.report.tables.units import Plain
 
     Kind = TypeVar("Kind", bound=Record)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from obseq.printable import printable_line
 
 if TYPE_CHECKING:
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
 
 _PLACE = re.compile(r"\{\{(\w+)\|([^|{}]+)\|(\d*)\}\}")
 

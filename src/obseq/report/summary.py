@@ -12,15 +12,15 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable
 from obseq.report.said import plain
-from obseq.report.units import significant
+from obseq.report.tables.units import significant
 from obseq.report.writer import Writer, ordered, worst, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
-    from obseq.report.columns import Table
     from obseq.report.head import Card, Finding, Head
-    from obseq.report.units import Units
+    from obseq.report.tables.columns import Table
+    from obseq.report.tables.units import Units
 
 LINES = 30
 """Lines of a summary, whatever the size of what was adjusted."""

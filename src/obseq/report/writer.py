@@ -8,15 +8,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-from obseq.report.columns import TEXTS
 from obseq.report.said import plain
-from obseq.report.units import ABSENT, MIXED, Scale, Units
+from obseq.report.tables.columns import TEXTS
+from obseq.report.tables.units import ABSENT, MIXED, Scale, Units
 from obseq.spreadsheets import csv_text
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
 
-    from obseq.report.columns import Column, Table
+    from obseq.report.tables.columns import Column, Table
 
 WIDTH = 120
 """Columns of a listing; only names of many letters make a table wider."""

@@ -65,6 +65,8 @@ def read_picture(path: str | Path) -> Picture:
                 grey = _grey(place, image)
     except FileNotFoundError:
         raise InputError(f"{place}: there is no such file; check the path") from None
+    except IsADirectoryError:
+        raise InputError(f"{place}: is a folder; name its images") from None
     except UnidentifiedImageError:
         raise InputError(f"{place}: is no image that can be read") from None
     except Image.DecompressionBombError:

@@ -98,6 +98,7 @@ def register(commands: Commands) -> None:
     """Add the command to the parser."""
     purpose = "adjust a block of images"
     command = add_command(commands, "bundle", run, purpose, MORE, EXAMPLE, exits=EXITS, common=COMMON)
+    command.usage = "obseq bundle [options]"
     add_sources(command)
     _add_computation(command)
     results = command.add_argument_group("results")
@@ -171,7 +172,7 @@ def _adjusted(arguments: argparse.Namespace) -> int:
     with Progress("loading") as progress:
         watch = Stopwatch(progress)
         with watch.phase("load"):
-            from obseq.images.causes.refusals import explained
+            from obseq.images.diagnosing.refusals import explained
             from obseq.images.output.overview import overview
 
         with watch.phase("read"), watch.counted("read"):
@@ -206,7 +207,7 @@ def _reported(
     read: str,
 ) -> tuple[BundleRecord, list[Path]]:
     """The record of a solution, and its files, when they are written."""
-    from obseq.images.causes.diagnosing import diagnosed
+    from obseq.images.diagnosing.diagnosis import diagnosed
     from obseq.images.output.record import record_of
 
     boundary = Boundary()
@@ -218,11 +219,12 @@ def _reported(
     with watch.phase("write"):
         boundary = Boundary()
         files = boundary.texts(telling(_writers(outputs, solution, record, read), watch.progress))
-        files |= _written(arguments, solution, boundary)
+        others = _written(arguments, solution, boundary)
+        files |= {path: text for made in others.values() for path, text in made.items()}
         record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         with shown_anyway(partial(_show, record, [], detail_of(arguments, "block"), watch)):
             write_all(files)
-    return record, [path for path in outputs.values() if path in files]
+    return record, [path for path in outputs.values() if path in files] + list(others)
 
 
 def _show(record: BundleRecord, written: list[Path], detail: Detail, watch: Stopwatch) -> None:
@@ -241,7 +243,7 @@ def _without_accused(
     options: Options,
 ) -> int:
     """Adjusts again without what is accused; where there is no such adjustment, says why."""
-    from obseq.images.causes.without_accused import without_accused
+    from obseq.images.diagnosing.without_accused import without_accused
 
     places = _second(outputs)
     none = {writer.option.replace("-", "_"): None for writer in WRITERS}
@@ -304,13 +306,16 @@ def _asked(arguments: argparse.Namespace) -> list[tuple[BlockWriter, Path]]:
     ]
 
 
-def _written(arguments: argparse.Namespace, solution: BundleSolution, boundary: Boundary) -> dict[Path, str]:
-    """The texts of files in the formats of other programs; none takes the place of an input."""
-    found: dict[Path, str] = {}
+def _written(
+    arguments: argparse.Namespace, solution: BundleSolution, boundary: Boundary
+) -> dict[Path, dict[Path, str]]:
+    """Place -> texts of its files, in the formats of other programs; none takes the place of an input."""
+    found: dict[Path, dict[Path, str]] = {}
     for writer, place in _asked(arguments):
         made = boundary.attempt(f"--{writer.option}", partial(writer.files, solution, place), {})
         check_writable(list(made), inputs(arguments))
-        found |= made
+        if made:
+            found[place] = made
     return found
 
 

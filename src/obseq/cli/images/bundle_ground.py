@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import positive_number
-from obseq.errors import InputError
 
 if TYPE_CHECKING:
     import argparse
@@ -65,6 +64,7 @@ def put_ground(block: Block, arguments: argparse.Namespace) -> None:
     Raises:
         InputError: a table is wrong.
     """
+    from obseq.crs import area_warning, parse
     from obseq.formats.blocks.ground import (
         control_in_frame,
         frame_for,
@@ -83,6 +83,8 @@ def put_ground(block: Block, arguments: argparse.Namespace) -> None:
         for path in paths:
             control, table = control_table(path, arguments.control_sigma)
             if system:
+                outside = area_warning(parse(system), control.coordinates, control.names)
+                block.notes += [f"{path}: {outside}"] if outside else []
                 block.system = system
                 block.frame = frame_for(block, system, control.coordinates, arguments.frame)
                 control = control_in_frame(control, system, block.frame)
@@ -96,11 +98,6 @@ def carried_by(arguments: argparse.Namespace) -> Carried:
     """What the options say of how positions are carried."""
     from obseq.formats.blocks.observations import Carried
 
-    needs = ("lever_arm_sigma", "lever_arm"), ("readout_sigma", "readout")
-    for option, other in needs:
-        if getattr(arguments, option) is not None and getattr(arguments, other) is None:
-            name, needed = option.replace("_", "-"), other.replace("_", "-")
-            raise InputError(f"--{name} goes with --{needed}")
     sigma, readout, spread = arguments.lever_arm_sigma, arguments.readout, arguments.readout_sigma
     return Carried(
         None if arguments.lever_arm is None else tuple(arguments.lever_arm),

@@ -25,6 +25,22 @@ OPK_UNITS = ("degree", "gon", "radian")
 
 DATUMS = ("control", "centres", "points")
 
+NEEDS = {
+    "lever_arm_sigma": ("lever_arm",),
+    "readout": ("positions",),
+    "readout_sigma": ("readout",),
+    "angle_sigma": ("positions",),
+    "positions_crs": ("positions",),
+    "frame": ("obs", "control_crs", "positions_crs"),
+    **{
+        option: (form.option,)
+        for form in BLOCKS
+        for _, option in form.options
+        if option not in ("image_sigma", "control_sigma")
+    },
+}
+"""Options that say nothing without another one: any of these."""
+
 
 def add_sources(command: argparse.ArgumentParser) -> None:
     """Add the options that say where a block is."""
@@ -84,9 +100,13 @@ def inputs(arguments: argparse.Namespace) -> list[Path]:
 
 def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | tuple[str, ...]]:
     """The block that the options name, and its datum: the one asked for, or that of the file."""
+    _refuse_idle(arguments)
     given = [(form, path) for form in BLOCKS if (path := getattr(arguments, form.option))]
     tables = any((arguments.cameras, arguments.images, arguments.opk, arguments.measures and not given))
-    if len(given) + tables != 1:
+    if len(given) + tables > 1:
+        options = [f"--{form.option}" for form, _ in given] + ["tables (--cameras ...)"] * tables
+        raise InputError(f"the block is given {len(options)} times: {', '.join(options)}; give one")
+    if not given and not tables:
         others = ", ".join(f"--{form.option}" for form in BLOCKS)
         raise InputError(f"say where the block is: --cameras, --images and --measures, or one of {others}")
     datum: str | tuple[str, ...] = arguments.datum or DATUMS[0]
@@ -111,19 +131,30 @@ def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | t
     return block, datum
 
 
+def _refuse_idle(arguments: argparse.Namespace) -> None:
+    """Refuses options that would change nothing."""
+    for option, others in NEEDS.items():
+        if getattr(arguments, option) is not None and not any(getattr(arguments, name) for name in others):
+            names = [f"--{name.replace('_', '-')}" for name in (option, *others)]
+            raise InputError(f"{names[0]} goes with {' or '.join(names[1:])}")
+
+
 def _hold_and_free(block: BundleAdjustment, arguments: argparse.Namespace, is_told: bool) -> None:
     """Holds and frees parameters of cameras; a note tells where files say otherwise."""
     before = _unknown(block)
     if arguments.freeze:
         block.freeze_parameters(arguments.freeze)
+    held = _unknown(block)
     if arguments.free:
         block.free_parameters(arguments.free)
     after = _unknown(block)
+    if both := (before - held) & after:
+        block.notes.append(f"unknown, since --free comes after --freeze: {listed(sorted(both), SHOWN)}")
     for option, names in (("--freeze", before - after), ("--free", after - before)):
         if names and is_told:
             becomes = "held" if option == "--freeze" else "unknown"
             block.notes.append(
-                f"{len(names)} parameters are {becomes} by {option}: {listed(sorted(names), 4)}"
+                f"{len(names)} parameters are {becomes} by {option}: {listed(sorted(names), SHOWN)}"
             )
 
 

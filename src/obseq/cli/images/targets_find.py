@@ -170,6 +170,10 @@ def _said(
         lines.append(f"{name}: {len(one.targets)} targets{plain}{mended}")
     empty = [name for name, one in found.items() if not one.targets]
     lines += [f"not read: {message}" for message in unread]
+    if not outputs:
+        lines.append(
+            "Nothing is written: --csv, --block, --mmvii, --page, --why and --overlay write what was found"
+        )
     say(printable("\n".join(lines) + "\n"), outputs)
     return INCOMPLETE if unread or empty else 0
 

@@ -14,6 +14,7 @@ Angles: `omega phi kappa` (photogrammetric), `w p k` (MMVII), `yaw pitch roll`, 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +32,6 @@ from obseq.reading.tables import Table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from obseq.arrays import FloatArray
     from obseq.images.block import Block
@@ -219,13 +219,13 @@ def read_measures(path: str | Path, sigma: float | None = None) -> ImagePoints:
 
 
 def add_measures(
-    block: Block, path: Path, sigma: float | None = None, weighting: Weighting | None = None
+    block: Block, path: str | Path, sigma: float | None = None, weighting: Weighting | None = None
 ) -> None:
     """Adds the image measures of a table to a block; a weighting goes before their sigmas."""
     table = Table.read(path)
     measures = _measures(table, sigma)
     with table.located():
-        block.add_measures(measures, weighting, path.name, origin=table.origin)
+        block.add_measures(measures, weighting, Path(path).name, origin=table.origin)
 
 
 def _measures(table: Table, sigma: float | None) -> ImagePoints:

@@ -25,10 +25,10 @@ from obseq.reading.text import quoted, read_text
 from obseq.survey.kinds.directions import HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.kinds.registry import codes
-from obseq.survey.model import Orientation, points_of_lines
+from obseq.survey.model import points_of_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterator, Mapping
     from pathlib import Path
 
     from obseq.formats.project import Reader, Reading
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 SHOWN = 5
 """Names or places that a warning lists."""
-LIFTED = frozenset(codes(DIST, ZEN))
-"""Kinds that the heights of both ends have a part in."""
+LIFTED = frozenset(codes(DIST, ZEN, DH))
+"""Kinds that the heights of both ends have a part in, and that say something of heights."""
 KILOMETRE = 1000.0
 
 
@@ -69,19 +69,19 @@ class _Staff(NamedTuple):
 
 
 class _Worth(NamedTuple):
-    """Of a kind of observation: its sigmas, whether heights of ends have a part, and the set-up's circle."""
+    """Of a kind of observation: its sigmas, and whether heights of ends have a part."""
 
     sigma: float
     relative: float
     is_lifted: bool
-    is_turned: bool
 
 
 class _SetUp:
-    """A set-up of the instrument: row of its point, station, points sighted so far, line it begins in."""
+    """A set-up of the instrument: row of its point, stations once it needs one, points sighted so far."""
 
-    def __init__(self, origin: int, station: int, height: float) -> None:
-        self.origin, self.station, self.height = origin, station, height
+    def __init__(self, origin: int, height: float) -> None:
+        self.origin, self.height = origin, height
+        self.stations: dict[int, int] = {}
         self.sighted: set[int] = set()
         self.reference: tuple[int, int, float] | None = None
 
@@ -142,7 +142,7 @@ class Book:
             self._set_up = self._set_ups[key]
             return
         origin = self._columns.point(self.file, index, name)
-        self._set_up = _SetUp(origin, self._columns.open_station(origin, Orientation.VERT), height)
+        self._set_up = _SetUp(origin, height)
         self._set_ups[key] = self._set_up
 
     @property
@@ -179,6 +179,15 @@ class Book:
             self._add(set_up, index, DIST, target, sight.slope)
         elif sight.flat is not None and sight.flat > 0.0:
             self._add(set_up, index, DIST_HZ, target, sight.flat)
+
+    def observe(
+        self, index: int, name: str, kind: ObservationKind, value: float, *, is_active: bool = True
+    ) -> None:
+        """Takes one observation of a point from the set-up, one that the file switches off too."""
+        set_up = self._standing(index)
+        target = self._columns.point(self.file, index, name)
+        set_up.sighted.add(target)
+        self._add(set_up, index, kind, target, value, is_active)
 
     def staff(self, index: int, name: str, reading: float, length: float, *, is_back: bool) -> None:
         """Takes a reading of a levelling staff and its distance (m); a backsight elsewhere begins a turn."""
@@ -258,18 +267,20 @@ class Book:
             self._set_up.sighted.add(target)
             self._add(self._set_up, index, HZ, target, reading % FULL_TURN)
 
-    def _add(self, set_up: _SetUp, index: int, kind: ObservationKind, target: int, value: float) -> None:
-        sigma, relative, is_lifted, is_turned = self._worth.get(kind.code) or self._look_up(index, kind)
+    def _add(
+        self, set_up: _SetUp, index: int, kind: ObservationKind, target: int, value: float, is_on: bool = True
+    ) -> None:
+        sigma, relative, is_lifted = self._worth.get(kind.code) or self._look_up(index, kind)
         lifts = (set_up.height, self.target_height) if is_lifted else (0.0, 0.0)
-        station = set_up.station if is_turned else -1
+        station = self._columns.station_of(kind, set_up.origin, set_up.stations)
         places = (kind.code, set_up.origin, target, -1, station, self._group, self._number, index + 1)
-        self._columns.add(places, (value, sigma, relative, *lifts), True)
+        self._columns.add(places, (value, sigma, relative, *lifts), is_on)
 
     def _look_up(self, index: int, kind: ObservationKind) -> _Worth:
         """What observations of a kind are worth, once for each instrument."""
         relative = self._given.get("distance-ppm", 0.0) if kind in (DIST, DIST_HZ) else 0.0
         sigma = self._sigma(index, kind, NAME_OF[kind])
-        found = self._worth[kind.code] = _Worth(sigma, relative, kind.code in LIFTED, kind.needs_station)
+        found = self._worth[kind.code] = _Worth(sigma, relative, kind.code in LIFTED)
         return found
 
     def _sigma(self, index: int, kind: ObservationKind, name: str) -> float:
@@ -289,13 +300,14 @@ class Book:
             passed = "; ".join(self._told())
             raise InputError(f"{', '.join(self._columns.files)}: no sight is in it. {passed}".strip())
         names = list(self._columns.names)
+        self._drop_carried(self._columns.names.keys())
         unknown = (math.nan, math.nan, math.nan)
         places = np.array([self._places.get(name, unknown) for name in names]).reshape(-1, 3)
         sigmas = np.full_like(places, np.nan)
         held = np.array([name in self._held for name in names])
         sigmas[held] = np.where(np.isnan(places[held]), np.nan, 0.0)
         book = self._columns.field_book()
-        if not np.isin(book.observations.types, (*LIFTED, DH.code)).any():
+        if not np.isin(book.observations.types, tuple(LIFTED)).any():
             places[:, 2], sigmas[:, 2] = 0.0, 0.0  # a book in plan
         points = points_of_lines(names, places, sigmas, self._columns.files[0], self._lines)
         return Project(
@@ -304,6 +316,27 @@ class Book:
             stochastic=self._model,
             centred=tuple(range(len(self._columns))),
         )
+
+    def _drop_carried(self, names: Collection[str]) -> None:
+        """Takes the coordinates from points that have those of an earlier one.
+
+        An instrument that moved on with its old coordinates says no place, and a sight between equal
+        places has no direction.
+        """
+        first: dict[tuple[float, float, float], str] = {}
+        carried = {
+            name: at
+            for name, place in self._places.items()
+            if name in names and not math.isnan(place[0])
+            if (at := first.setdefault(place, name)) != name and name not in self._held
+        }
+        for name in carried:
+            del self._places[name]
+        if carried:
+            shown = listed([f"{name} as {at}" for name, at in carried.items()], SHOWN)
+            self.note(
+                f"coordinates that an earlier point has already say no place, and do not count: {shown}"
+            )
 
     def _told(self) -> Iterator[str]:
         files, seen = ", ".join(self._columns.files), self._columns.names.keys()

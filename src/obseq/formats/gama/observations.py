@@ -11,6 +11,7 @@ from obseq.dataclass import dataclass
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.gama import values
 from obseq.formats.gama.values import Value
+from obseq.graphs import parts
 from obseq.reading.text import quoted
 from obseq.records.adjustment import UnusedRecord
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
@@ -205,7 +206,7 @@ class ObservationReader:
         ]
 
     def _coordinates(self, element: Element, defaults: Defaults) -> list[_Scalar]:
-        element.allow((), ("point", "cov-mat"))
+        element.allow(("extern",), ("point", "cov-mat"))
         _require_matrix(element)
         return [s for child in element.named("point") for s in self._coordinate(child, defaults)]
 
@@ -332,10 +333,7 @@ def _hanging_together(matrix: FloatArray) -> IntArray:
     """(n,) of rows of a covariance matrix (n, n): a number that is that of all they are correlated with."""
     if matrix.all():
         return np.zeros(len(matrix), np.int64)
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    return np.asarray(connected_components(csr_array(matrix), directed=False)[1])
+    return np.asarray(parts(len(matrix), *np.nonzero(matrix)), np.int64)
 
 
 def replace_activity(measure: Measure) -> Measure:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.default_sigmas import lacking
 from obseq.formats.starnet.values import NOT_MEASURED, Sigma, split_rest
-from obseq.formats.stochastic import NAME_OF
+from obseq.formats.stochastic import LIBRARY, NAME_OF, read_stochastic
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.model import Orientation
@@ -26,6 +27,9 @@ KILOMETRE = 1000.0
 SHORT = 10.0
 """Length (m) of a line of levels below which it is likely in kilometres, or a number of turns."""
 CODES = ("a", "d", "v", "dv", "b", "bm", "m", "db", "dn", "dm", "de", "tb", "t", "te", "ss", "l")
+SIDE_SHOT = "ss"
+USUAL = "total-station-5sec"
+"""What side shots without standard errors are worth: only the precisions of their own points show it."""
 Heights = tuple[float, float]
 
 
@@ -56,6 +60,7 @@ class ObservationLines:
         self._last: Line | None = None
         self._shots: list[tuple[Line, str]] = []
         self._ways: list[tuple[float, Line]] = []
+        self._bare: list[Line] = []
         self.warnings: list[str] = []
 
     def read(self, line: Line) -> None:
@@ -84,6 +89,13 @@ class ObservationLines:
                 )
             else:
                 self._angle_and_more(line)
+        if self._bare:
+            many, first = len({id(line) for line in self._bare}), self._bare[0]
+            self.warnings.append(
+                f"{first.file.name}:{first.index + 1}: {many} side shots have no standard errors (this is "
+                "the first). No other point depends on them; the precisions of theirs are those that "
+                f"{USUAL} of the library gives, unless --sigmas, or the lines, say better"
+            )
 
     def _look_at_ways(self) -> None:
         """Warns of lines of levels that are too short for their sigma to come from their length."""
@@ -344,8 +356,18 @@ class ObservationLines:
         if not sigma.is_active:
             return 1.0, 0.0
         name = NAME_OF[kind]
+        if name not in self._given(line) and line.fields[0].lower() == SIDE_SHOT:
+            self._bare.append(line)
+            if name in self._usual:
+                return self._usual[name], self._usual["distance-ppm"] if name == "distance" else 0.0
         relative = self._given(line).get("distance-ppm", 0.0) if name == "distance" else 0.0
         return self._default(line, name), relative
+
+    @cached_property
+    def _usual(self) -> Sigmas:
+        """What side shots are worth where nothing says it."""
+        usual = read_stochastic(LIBRARY).instruments[USUAL]
+        return {**usual, "azimuth": usual["direction"]}
 
     def _given(self, line: Line) -> Sigmas:
         """Standard deviations of the instrument of a line."""

@@ -76,7 +76,7 @@ class Equations:
         self.centres = system.add_points([f"{image} centre" for image in images], start.poses.centres)
         self.rotations = system.add_rotations(images, start.poses.rotations)
         self._add_calibrations()
-        self.points = system.add_points(start.points, start.coordinates)
+        self.points = system.add_points(start.points, start.places)
         self._freeze()
         self.shutters = shutters_of(system, block, images)
         self.measures = [

@@ -11,8 +11,9 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.images.adjustment.observed_centres import at_observed_centres
 from obseq.images.control import GivenComponents
-from obseq.images.initial.intersection import intersect
+from obseq.images.initial.intersection import elsewhere, intersect
 from obseq.images.initial.rough import ROUGH, distant_places, misfit, usual_places
 from obseq.images.initial.units import unit_of_control
 from obseq.images.measures import ImagePoints
@@ -20,7 +21,7 @@ from obseq.images.names import are_among, index_of, numbered
 from obseq.images.poses import Poses, are_in_front
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from obseq.arrays import BoolArray, FloatArray, IntArray
     from obseq.images.block import Block
@@ -32,8 +33,6 @@ class ContradictionError(InputError):
     """Poses, cameras and points contradict each other so much that there is no solution."""
 
 
-FAR_OFF = 10.0
-"""Sigmas by which a given centre may be off an observed one; it starts at the observation otherwise."""
 LEAST_RAYS = 2
 
 
@@ -98,6 +97,7 @@ class Start(GivenComponents):
         left_out: what takes no part.
         misfit: by how many pixels the rays miss the points that they placed, in the median.
         unmeasured: control points that are in no image.
+        met: numbers of the control points that their rays contradict, and (k, 3) where these meet.
     """
 
     poses: Poses
@@ -110,6 +110,17 @@ class Start(GivenComponents):
     left_out: tuple[LeftOut, ...]
     misfit: float = 0.0
     unmeasured: tuple[LeftOut, ...] = ()
+    met: tuple[IntArray, FloatArray] = (np.zeros(0, np.int64), np.zeros((0, 3)))
+
+    @property
+    def places(self) -> FloatArray:
+        """(n, 3) where points start: what is known of them, but where rays contradict it."""
+        rows, places = self.met
+        if not rows.size:
+            return self.coordinates
+        found = self.coordinates.copy()
+        found[rows] = places
+        return found
 
 
 def start_of(block: Block, places: Mapping[str, FloatArray] | None = None) -> Start:
@@ -128,7 +139,6 @@ def start_of(block: Block, places: Mapping[str, FloatArray] | None = None) -> St
         raise InputError("the block has no image measures: add some (add_measures)")
     images, left_out = _images(block)
     cameras = [block.cameras[block.camera_of[image]] for image in images]
-    poses = _at_observed_centres(block, block.poses.select(images))
     names, sets = _numbered(block, images)
     control = are_among(names, block.control.names)
     covariances = _covariances(block, names)
@@ -143,7 +153,14 @@ def start_of(block: Block, places: Mapping[str, FloatArray] | None = None) -> St
     coordinates = _known_coordinates(block, names)
     wanted = ~_have_places(coordinates)
     wanted[list(reasons)] = False
+    given = block.poses.select(images)
+    poses = at_observed_centres(block, given)
+    places_given = coordinates.copy() if poses is not given else coordinates
     unplaced, off = put_points(coordinates, wanted, poses, cameras, names, sets)
+    if poses is not given and (unplaced or off > ROUGH):
+        others, off_given = put_points(places_given, wanted, given, cameras, names, sets)
+        if (off_given > ROUGH, len(others)) < (off > ROUGH, len(unplaced)):
+            poses, coordinates, unplaced, off = given, places_given, others, off_given
     places = places or {}
     for k in [k for k in unplaced if names[k] in places]:
         coordinates[k] = places[names[k]]
@@ -161,6 +178,7 @@ def start_of(block: Block, places: Mapping[str, FloatArray] | None = None) -> St
         off,
         _unmeasured(block, names),
     )
+    start = replace(start, met=_contradicted(start))
     _require_in_front(block, start)
     return _without(start, reasons) if reasons else start
 
@@ -179,6 +197,7 @@ def _without(start: Start, reasons: dict[int, str]) -> Start:
         start,
         points=tuple(itertools.compress(start.points, kept)),
         coordinates=start.coordinates[kept],
+        met=(number[start.met[0]], start.met[1]),
         covariances=start.covariances[kept],
         is_control=start.is_control[kept],
         sets=used,
@@ -193,27 +212,6 @@ def _unmeasured(block: Block, names: Sequence[str]) -> tuple[LeftOut, ...]:
     met = are_among(block.control.names, {*names, *block.joined_points})
     idle = itertools.compress(block.control.names, ~met)
     return tuple(LeftOut("control point", name, "it is in no image") for name in idle)
-
-
-def _at_observed_centres(block: Block, poses: Poses) -> Poses:
-    """The poses, with the centres that are observed much better than they are given."""
-    centres = poses.centres.copy()
-    for images, observed, sigmas in _observed_centres(block, poses):
-        rows = index_of(poses.images, images, "observed poses: image")
-        far = (np.abs(observed - centres[rows]) > FAR_OFF * sigmas).any(axis=1)
-        far &= np.isfinite(sigmas).all(axis=1)
-        centres[rows[far]] = observed[far]
-    return Poses(poses.images, centres, poses.rotations, poses.cameras)
-
-
-def _observed_centres(block: Block, poses: Poses) -> Iterator[tuple[Sequence[str], FloatArray, FloatArray]]:
-    """Images, their observed centres and the sigmas of these; none of an antenna whose place is unknown."""
-    for part in block.pose_observations:
-        yield part.poses.images, part.poses.centres, part.centre_sigmas
-    for antenna in (one.of(poses.images) for one in block.antennas):
-        if np.isfinite(antenna.lever_sigmas).all():
-            turns = poses.select(antenna.images).rotations
-            yield antenna.images, antenna.centres(turns), np.hypot(antenna.sigmas, antenna.lever_sigmas.max())
 
 
 def _images(block: Block) -> tuple[list[str], list[LeftOut]]:
@@ -314,15 +312,7 @@ def put_points(
     """
     if not wanted.any():
         return {}, 0.0
-    parts = [(part, part.is_used & wanted[part.point]) for part in sets]
-    rays = ImagePoints.packed(
-        poses.images,
-        names,
-        np.concatenate([part.image[rows] for part, rows in parts]),
-        np.concatenate([part.point[rows] for part, rows in parts]),
-        np.concatenate([part.given.measures.xy[rows] for part, rows in parts]),
-        np.concatenate([part.given.measures.sigmas[rows] for part, rows in parts]),
-    )  # without covariances, which change no first place
+    rays = _rays_to(wanted, poses.images, names, sets)
     found = intersect(rays, poses, cameras)
     coordinates[wanted] = found.coordinates[wanted]
     lost = wanted & ~found.is_placed
@@ -339,13 +329,42 @@ def put_points(
     return {int(k): found.reasons[k] for k in np.flatnonzero(lost)}, off
 
 
+def _rays_to(
+    wanted: BoolArray, images: Sequence[str], names: Sequence[str], sets: list[NumberedSet]
+) -> ImagePoints:
+    """The rays to some points (n,), without covariances, which change no first place."""
+    parts = [(part, part.is_used & wanted[part.point]) for part in sets]
+    return ImagePoints.packed(
+        images,
+        names,
+        np.concatenate([part.image[rows] for part, rows in parts]),
+        np.concatenate([part.point[rows] for part, rows in parts]),
+        np.concatenate([part.given.measures.xy[rows] for part, rows in parts]),
+        np.concatenate([part.given.measures.sigmas[rows] for part, rows in parts]),
+    )
+
+
+def _contradicted(start: Start) -> tuple[IntArray, FloatArray]:
+    """Control points whose rays meet far from where they are given, if they are few, and where these meet.
+
+    From where it is given, one that is far off would carry the others away. Held coordinates stay.
+    """
+    control = start.is_control & ~start.is_held.any(axis=1) & _have_places(start.coordinates)
+    rays = _rays_to(control, start.poses.images, start.points, start.sets)
+    known = start.coordinates[index_of(start.points, rays.point_names, "point")]
+    met, places = elsewhere(rays, start.poses, start.cameras, known, ROUGH)
+    if not 0 < 2 * met.size <= len(known):
+        return met[:0], places[:0]
+    return index_of(start.points, [rays.point_names[row] for row in met.tolist()], "point"), places
+
+
 def _require_in_front(block: Block, start: Start) -> None:
     """Refuses points with given coordinates that are measured from behind."""
     is_known = _have_places(start.coordinates)
     for part in start.sets:
         rows = slice(None) if is_known.all() else np.flatnonzero(is_known[part.point])
         image, point = part.image[rows], part.point[rows]
-        seen = are_in_front(start.cameras, start.poses, image, start.coordinates, point)
+        seen = are_in_front(start.cameras, start.poses, image, start.places, point)
         if not seen.all():
             row = int(np.arange(len(part.point))[rows][seen.argmin()])
             origin = part.given.origin or block.origin

@@ -91,9 +91,8 @@ def _trials_held(subject: Subject) -> Iterator[Trial]:
     made = subject.block.copied()
     made.poses = subject.given
     made.freeze_parameters()
-    yield Trial.saying(
-        "cameras held", "the measures do not determine the cameras; hold their parameters", made
-    )
+    said = "the measures do not determine the cameras; hold their parameters"
+    yield Trial.saying("cameras held", Told(said), made)
 
 
 UNDETERMINED_CAMERAS = SharedCause(

@@ -13,73 +13,67 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import InputError
-from obseq.geometry import exponential
-from obseq.images.causes.comparison import angles_of, common, turns
+from obseq.images.causes.comparison import common
+from obseq.images.causes.pose_rewritings import (
+    MOST,
+    compared,
+    exchanges,
+    rewritings_of,
+    without_rotations,
+)
 from obseq.images.causes.shared import SharedCause, Told, Trial
-from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
-from obseq.images.initial.growth import similarity
-from obseq.images.initial.units import UNITS
+from obseq.images.causes.unit_of_control import with_control_divided
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from obseq.arrays import FloatArray, IntArray
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.causes.pose_rewritings import Rewriting
     from obseq.images.causes.shared import Subject
-    from obseq.images.poses import Poses
 
 LEAST, WORST, PAIR = 4, 3, 2
 """Images of a block in which two may be exchanged; the worst that are tried; how many are exchanged."""
-NEAR = 0.3
-"""Share of the way to its own place within which an image is at that of another."""
-ALIKE = 0.2
-"""Radians within which turns of all images are the same one."""
-OFF = 0.5
-"""Radians by which a rotation is off that cannot have been a rough one."""
-FAR = 0.5
-"""Share of the distance to the nearest other image, beyond which a centre is off."""
-SCALE = 0.1
-"""Share by which centres that are given roughly may be off a unit with their scale, and off a similarity."""
-SHOWN = 4
-MOST = 500
-"""Images of a block whose places are compared with each other."""
-QUARTER = np.pi / 2.0
-TURNS = (
-    (
-        [0.0, 0.0, QUARTER],
-        "by 90 degrees about the viewing axis: kappa, or images that were turned after all",
-    ),
-    (
-        [0.0, 0.0, -QUARTER],
-        "by -90 degrees about the viewing axis: kappa, or images that were turned after all",
-    ),
-    ([0.0, 0.0, 2 * QUARTER], "by 180 degrees about the viewing axis: kappa, or images upside down"),
-    ([2 * QUARTER, 0.0, 0.0], "by 180 degrees about x: cameras look along +z here, y goes down"),
-    ([0.0, 2 * QUARTER, 0.0], "by 180 degrees about y: cameras look along +z here, x goes to the right"),
-)
-"""Rotation vectors in the axes of the camera, and what they are called."""
 
 
 def _trials(subject: Subject) -> Iterator[Trial]:
-    """The block with exchanged images put right; with poses from its measures alone."""
+    """The block with exchanged images put right; with poses from its measures alone.
+
+    What is observed takes no part in these only to see what is wrong with it. It is put right then, and takes
+    part: a mistake is judged by all observations.
+    """
     yield from _exchanged(subject)
-    observed = [part.poses for part in subject.block.pose_observations]
-    if not (len(subject.given) or observed) or len(subject.block.camera_of) > MOST:
+    block = subject.block
+    is_observed = bool(block.pose_observations or block.antennas)
+    if not (len(subject.given) or is_observed) or len(block.camera_of) > MOST:
         return
-    made = subject.block.copied()
-    made.poses, made.pose_observations = made.poses.select([]), []
-    yield Trial(
-        "poses from the measures alone",
-        made,
-        lambda found: next(
-            filter(
-                lambda told: told.said,
-                (compared(found.poses, poses, bool(observed)) for poses in (subject.given, *observed)),
-            ),
-            Told(""),
-        ),
+    made = _without_poses(block)
+    alone = Trial(
+        "poses from the measures alone", made, lambda found: compared(found.poses, subject.given, False)
     )
+    if is_observed:
+        made.pose_observations, made.antennas = [], []
+        alone = replace(alone, then=partial(_put_right, subject))
+    yield alone
+
+
+def _without_poses(block: AdjustableBlock) -> AdjustableBlock:
+    made = block.copied()
+    made.poses = made.poses.select([])
+    return made
+
+
+def _put_right(subject: Subject, alone: BundleSolution) -> Iterator[Trial]:
+    """The block with what is wrong with observed, or given, poses put right, as measures alone tell it."""
+    block, found = subject.block, alone.poses
+    antennas = [without_rotations(one.images, one.positions, one.sigmas) for one in block.antennas]
+    observed = [*block.pose_observations, *antennas]
+    rewritings = [right for part in observed for right in rewritings_of(found, part)]
+    for right in {right.told.said: right for right in rewritings}.values():
+        for made in _rewritten(block, right):
+            yield Trial.saying(right.told.said, right.told, made)
+    if len(subject.given) and (told := compared(found, subject.given, True)).said:
+        yield Trial.saying("poses from the measures", told, _without_poses(block))
 
 
 def _exchanged(subject: Subject) -> Iterator[Trial]:
@@ -89,7 +83,7 @@ def _exchanged(subject: Subject) -> Iterator[Trial]:
     """
     if subject.solution is None or len(subject.given) < LEAST or len(subject.block.camera_of) > MOST:
         return
-    found = exchanged_images(*common(subject.solution.poses, subject.given)).images
+    found = tuple(exchanges(*common(subject.solution.poses, subject.given)))
     rms = subject.solution.by_image().rms
     worst = [subject.solution.poses.images[row] for row in np.argsort(-rms)[:WORST]]
     pairs = dict.fromkeys([*([found] if len(found) == PAIR else []), *itertools.combinations(worst, PAIR)])
@@ -102,105 +96,24 @@ def _exchanged(subject: Subject) -> Iterator[Trial]:
             sets.append(replace(part, measures=replace(part.measures, image_names=names)))
         made.sets = sets
         said = f"images {first} and {second} are exchanged in the measures"
-        yield Trial(said, made, partial(_telling, told=Told(said, (first, second))))
+        yield Trial.saying(said, Told(said, (first, second)), made)
 
 
-def _telling(found: BundleSolution, told: Told) -> Told:
-    return told
+def _rewritten(block: AdjustableBlock, right: Rewriting) -> Iterator[AdjustableBlock]:
+    """The block with observed poses put right; where units differ, with either of the two put right.
 
-
-def compared(found: Poses, given: Poses, are_observed: bool) -> Told:
-    """What is wrong with given poses of images that are found at others."""
-    new, old = common(found, given)
-    if (told := exchanged_images(new, old)).said:
-        return told
-    if said := _turned(new, old):
-        return Told(said)
-    if said := _scaled(new, old):
-        return Told(said, code=UNIT_OF_CONTROL.code)
-    return Told(_off(new, old, are_observed))
-
-
-def exchanged_images(found: Poses, given: Poses) -> Told:
-    """Images whose places are those that were given for others.
-
-    Args:
-        found: their poses.
-        given: poses of the same images.
+    Sigmas may be in the unit of their own coordinates, or in that of the others.
     """
-    if not 2 <= len(found) <= MOST:
-        return Told("")
-    apart = np.linalg.norm(found.centres[:, None] - given.centres[None], axis=2)
-    everyone, other = np.arange(len(apart)), np.argmin(apart, axis=1)
-    rows = np.flatnonzero((other != everyone) & (apart[everyone, other] < NEAR * np.diagonal(apart)))
-    if len(rows) < 2 or sorted(other[rows].tolist()) != rows.tolist() or not _are_sharp(apart):
-        return Told("")
-    names = [found.images[row] for row in rows]
-    places = [f"{found.images[row]} is where {found.images[other[row]]} was given" for row in rows[:SHOWN]]
-    more = f", ... ({len(rows)} in all)" if len(rows) > SHOWN else ""
-    said = f"images {' and '.join(names[:SHOWN])}{more} look exchanged: {', '.join(places)}"
-    return Told(said, tuple(names))
-
-
-def _are_sharp(apart: FloatArray) -> bool:
-    """Whether places that were given are good enough to tell images by them."""
-    nearest = np.sort(apart, axis=1)
-    return bool(np.median(nearest[:, 0]) < NEAR * np.median(nearest[:, 1]))
-
-
-def _turned(found: Poses, given: Poses) -> str:
-    """The turn of all rotations that were given, in words; empty where they do not share one."""
-    relative = np.swapaxes(given.rotations, 1, 2) @ found.rotations
-    for vector, said in TURNS:
-        if (angles_of(relative @ exponential(np.array(vector)).T) < ALIKE).all():
-            return f"the rotations of the given poses are turned against the measures {said}"
-    if np.median(turns(given, found)) > OFF and (angles_of(given.rotations @ found.rotations) < ALIKE).all():
-        return "the rotations of the given poses are those from the world to the camera, not back"
-    return ""
-
-
-def _scaled(found: Poses, given: Poses) -> str:
-    """The unit that centres are in, where the control points are in another one, in words."""
-    try:
-        scale, motion = similarity(given.centres, found.centres)
-    except InputError:
-        return ""
-    off = motion.centre + scale * given.centres @ motion.rotation.T - found.centres
-    if np.median(np.linalg.norm(off, axis=1)) > SCALE * np.linalg.norm(np.ptp(found.centres, axis=0)):
-        return ""
-    for factor, units in UNITS:
-        if abs(scale / factor - 1.0) < SCALE:
-            return f"the control points are {factor:.6g} times as large as the given poses say (in {units})"
-    return ""
-
-
-def _off(found: Poses, given: Poses, are_observed: bool) -> str:
-    """The poses that are far from those of the measures, in words; or that all are too rough."""
-    angles, shifts = turns(given, found), np.linalg.norm(found.centres - given.centres, axis=1)
-    is_off = (angles > OFF) | (shifts > FAR * _between(found.centres))
-    rows = np.flatnonzero(is_off)
-    if are_observed and not 0 < 2 * len(rows) <= len(is_off):
-        return ""
-    if not len(rows):
-        return "the given poses are too rough to start from"
-    return _listed(found, rows, shifts, angles)
-
-
-def _listed(found: Poses, rows: IntArray, shifts: FloatArray, angles: FloatArray) -> str:
-    parts = [
-        f"{found.images[row]} (by {shifts[row]:.3g} and {np.degrees(angles[row]):.0f} degrees)"
-        for row in rows[:SHOWN]
+    made = _without_poses(block)
+    made.pose_observations = [
+        replace(part, poses=right.change(part.poses)) for part in block.pose_observations
     ]
-    more = f", ... ({len(rows)} of {len(found)})" if len(rows) > SHOWN else ""
-    return f"given poses are not those of the measures: {', '.join(parts)}{more}"
-
-
-def _between(centres: FloatArray) -> float:
-    """The usual distance of an image to the nearest other one; that of rotations alone for a single image."""
-    apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
-    np.fill_diagonal(apart, np.inf)
-    least = apart.min(axis=1)
-    return float(np.median(least[np.isfinite(least)])) if np.isfinite(least).any() else np.inf
+    for k, one in enumerate(block.antennas):
+        as_poses = without_rotations(one.images, one.positions, one.sigmas).poses
+        made.antennas[k] = replace(one, positions=right.change(as_poses).centres)
+    yield made
+    for sigmas in (1.0, right.scale) if right.scale != 1.0 else ():
+        yield with_control_divided(_without_poses(block), 1.0 / right.scale, sigmas)
 
 
 GIVEN_POSES = SharedCause(

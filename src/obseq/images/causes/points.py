@@ -6,11 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.diagnosis.policy import POLICY
+from obseq.diagnosis.protocol import Slip
 from obseq.images.causes.cause import Cause, Members
-from obseq.images.causes.coordinates import slips_of_a_coordinate, slips_of_a_point
 from obseq.images.causes.pixels import slips_of_a_pixel
+from obseq.survey.causes.values import COORDINATE, explain
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from obseq.arrays import FloatArray
+    from obseq.diagnosis.protocol import Change
+    from obseq.images.causes.evidence import Evidence
     from obseq.images.causes.numbering import Numbering
 
 
@@ -37,6 +44,44 @@ IMAGE_POINT = Cause(
     slips_of_a_pixel,
     is_start=True,
 )
+
+
+def slips_of_a_coordinate(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:
+    """What may be behind one wrong coordinate."""
+    point, axis = label
+    start = evidence.numbering.equations.start
+    given = float(start.coordinates[point, axis])
+    tolerance = POLICY.near * float(np.hypot(change.sigma[0], np.sqrt(start.covariances[point, axis, axis])))
+    told = explain(COORDINATE, given, given - float(change.size[0]), tolerance)
+    if told is not None:
+        yield Slip(told.code, told.text, told.chance, told.chance < POLICY.likely)
+    elif abs(2.0 * given - float(change.size[0])) < tolerance:
+        yield Slip("W105", "its sign is wrong", 0.0, is_strong=True)
+
+
+def slips_of_a_point(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:
+    """What may be behind a control point that is elsewhere."""
+    start, columns = evidence.numbering.equations.start, evidence.numbering.coordinates
+    axes = columns[columns[:, 0] == label[0], 1]
+    given = start.coordinates[label[0]]
+    right = given.copy()
+    right[axes] -= change.size
+    spread = np.sqrt(np.diagonal(start.covariances[label[0]]))
+    spread = np.where(np.isfinite(spread), spread, 0.0)
+    spread[axes] = np.hypot(spread[axes], change.sigma)
+    if _is_near(given[[1, 0, 2]], right, spread):
+        yield Slip("W123", "x and y are exchanged", 0.0, is_strong=True)
+    for other in np.flatnonzero(start.is_control).tolist():
+        if other != label[0] and _is_near(start.coordinates[other], right, spread):
+            name = start.points[other]
+            there = evidence.coordinates[other]
+            is_pair = _is_near(given, there, 2.0 * spread)
+            said = f"exchanged with {name}" if is_pair else f"it is where {name} should be"
+            yield Slip("W133", said, 0.0, is_strong=True)
+
+
+def _is_near(place: FloatArray, right: FloatArray, spread: FloatArray) -> bool:
+    return bool((np.abs(place - right) <= POLICY.near * np.maximum(spread, 1e-300)).all())
 
 
 def _where_of_coordinate(numbering: Numbering) -> Members:

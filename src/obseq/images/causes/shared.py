@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
@@ -58,16 +58,19 @@ class Trial:
         what: what is changed, for progress.
         block: the changed one.
         told: what a solution of it tells.
+        then: the changes that a solution of it suggests, where it leaves observations out: a mistake is
+            judged with all of them.
     """
 
     what: str
     block: AdjustableBlock
     told: Callable[[BundleSolution], Told]
+    then: Callable[[BundleSolution], Iterable[Trial]] | None = None
 
     @classmethod
-    def saying(cls, what: str, said: str, block: AdjustableBlock) -> Trial:
+    def saying(cls, what: str, told: Told, block: AdjustableBlock) -> Trial:
         """A changed block that tells the same whatever its solution is."""
-        return cls(what, block, lambda found: Told(said))
+        return cls(what, block, lambda found: told)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from obseq.images.causes.shared import SharedCause, Trial
+from obseq.images.causes.shared import SharedCause, Told, Trial
 from obseq.images.initial.units import unit_of_control
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.causes.shared import Subject
 
 
@@ -19,14 +20,19 @@ def _trials(subject: Subject) -> Iterator[Trial]:
     if unit is None:
         return
     factor, said = unit
-    control = subject.block.control
     text = f"the control points are {factor:.6g} times as large as the rest of the block says ({said})"
     for sigmas in (1.0, factor):  # they may be in the unit of the coordinates, or in that of the block
-        made = subject.block.copied()
+        made = with_control_divided(subject.block.copied(), factor, sigmas)
         made.poses = subject.given
-        covariances = control.covariances / sigmas**2
-        made.control = replace(control, coordinates=control.coordinates / factor, covariances=covariances)
-        yield Trial.saying(f"control points divided by {factor:.6g}", text, made)
+        yield Trial.saying(f"control points divided by {factor:.6g}", Told(text), made)
+
+
+def with_control_divided(block: AdjustableBlock, factor: float, sigmas: float) -> AdjustableBlock:
+    """The block, with its control points divided by a factor, and their sigmas by another."""
+    control = block.control
+    covariances = control.covariances / sigmas**2
+    block.control = replace(control, coordinates=control.coordinates / factor, covariances=covariances)
+    return block
 
 
 UNIT_OF_CONTROL = SharedCause(

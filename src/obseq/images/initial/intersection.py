@@ -6,6 +6,7 @@ images would count as much as near ones. Each point has its own covariance.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -132,6 +133,38 @@ def intersect(measures: ImagePoints, poses: Poses, cameras: Sequence[Camera]) ->
     return Intersection(
         measures.point_names, points, covariances, counts, tuple(reasons), residuals, directions
     )
+
+
+def elsewhere(
+    measures: ImagePoints, poses: Poses, cameras: Sequence[Camera], known: FloatArray, limit: float
+) -> tuple[IntArray, FloatArray]:
+    """The points whose rays meet within a limit (pixels), but pass where the points are known by more.
+
+    Args:
+        measures: rays of the points.
+        poses: of all images of the measures.
+        cameras: camera of each image of `poses`.
+        known: (n, 3) where the points are known to be.
+        limit: pixels.
+
+    Returns:
+        (k,) numbers of such points, and (k, 3) where their rays meet.
+    """
+    rays = _Rays.of(measures, poses, cameras)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        missed = np.linalg.norm(rays.project(known)[0] * measures.sigmas, axis=1)
+    missed[~rays.in_front(known)] = np.inf
+    is_far = np.zeros(len(known), dtype=bool)
+    is_far[measures.point[~(missed <= limit)]] = True
+    if not is_far.any():
+        return np.zeros(0, np.int64), np.zeros((0, 3))
+    own = measures.rows(is_far[measures.point])
+    found = intersect(own, poses, cameras)
+    worst = np.zeros(len(own.point_names))
+    np.maximum.at(worst, own.point, np.nan_to_num(np.linalg.norm(found.residuals, axis=1), nan=np.inf))
+    met = worst <= limit
+    names = list(itertools.compress(found.names, met.tolist()))
+    return index_of(measures.point_names, names, "point"), found.coordinates[met]
 
 
 def _by_camera(cameras: Sequence[Camera], image: IntArray) -> list[tuple[Camera, IntArray | slice]]:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, IntArray
     from obseq.images.output.arrays import BlockArrays
     from obseq.images.output.block_record import BundleRecord, CameraRecord
-    from obseq.report.units import Plain
+    from obseq.report.tables.units import Plain
 
 MOST_ARROWS = 400
 """Arrows of a frame that can be told apart; of more, the suspected and evenly spread ones."""

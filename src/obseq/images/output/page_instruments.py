@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report.columns import choice, column, elements, field, table
+from obseq.report.tables.columns import choice, column, elements, field, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.images.output.block_record import BundleRecord
-    from obseq.report.units import Plain
+    from obseq.report.tables.units import Plain
 
 
 def _check_points(record: BundleRecord) -> Plain | None:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from obseq.arrays import BoolArray, FloatArray
     from obseq.images.output.arrays import BlockArrays
     from obseq.images.output.block_record import BundleRecord
-    from obseq.report.units import Plain
+    from obseq.report.tables.units import Plain
 
 CONTROL, CAMERA = 1, 8
 """Marks of points; the script of the page has the same."""

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from obseq.images.output.page_instruments import INSTRUMENT_TABLES
 from obseq.printable import listed, printable_line
-from obseq.report.columns import choice, column, elements, field, table
 from obseq.report.head import printed
+from obseq.report.tables.columns import choice, column, elements, field, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
     from obseq.images.output.block_record import BundleRecord
-    from obseq.report.units import Plain
+    from obseq.report.tables.units import Plain
 
 MOST_NAMES = 4
 """Names of what took no part, by kind and reason."""

@@ -13,8 +13,8 @@ from obseq.images.aerial.rpc import rpc_through
 from obseq.images.satellite.block import GEOGRAPHIC
 from obseq.kernels import calculator
 from obseq.reading.tables import table_text
-from obseq.report.columns import choice, column, table
-from obseq.report.units import METRIC
+from obseq.report.tables.columns import choice, column, table
+from obseq.report.tables.units import METRIC
 from obseq.report.writer import Writer
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from obseq.images.aerial.rpc import Rpc
     from obseq.images.satellite.block import SatelliteSolution
-    from obseq.report.columns import Table
+    from obseq.report.tables.columns import Table
 
 LAYERS, CELLS = 5, 15
 """Heights, and cells of the ground a side, of the grid on which a corrected image is fitted."""

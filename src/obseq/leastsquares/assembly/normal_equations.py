@@ -86,6 +86,7 @@ class NormalEquations:
         self._diagonal_places[blocks] = 0
         self._shares = share_out(self.layout, [batch.n for batch in self.batches], threads)
         self._elimination = Elimination(table, self.layout, len(self._shares)) if len(blocks) else None
+        self._damped = slice(None) if self._elimination else self.pattern.diagonal  # what a damping changes
         self._pair_bounds = column_bounds(self.layout.stored[:, 1:3].min(axis=1), len(self._shares))
         self._kept = _Whole(np.zeros(0), np.zeros(0), {}, np.zeros(0))
         self._store = np.zeros(0)  # made by the first assembly
@@ -164,16 +165,16 @@ class NormalEquations:
             DivergenceError: a residual or a derivative is not finite.
         """
         whole = self._collected(viscous=True)
-        self._kept = whole._replace(values=whole.values.copy())
+        self._kept = whole._replace(values=whole.values[self._damped].copy())
         return whole.diagonal
 
     def damped(self, damping: float, floor: FloatArray | None = None) -> Linearisation:
-        """The equations of the last `collect` under a damping: nothing is evaluated anew.
+        """The equations of the last `collect`, after which nothing was assembled, under a damping.
 
         Arguments and errors as of `assemble`.
         """
         values = self._store[: self.pattern.nnz]
-        values[:] = self._kept.values
+        values[self._damped] = self._kept.values
         again = self._kept._replace(values=values, gradient=self._kept.gradient.copy())
         return self._reduced(again, damping, floor)
 

@@ -47,7 +47,7 @@ class Blocks:
     which everything meets everything is solved whole, and `tell` says so.
 
     Attributes:
-        memory: Of each process: `8GB`, or bytes; None for as much as there is.
+        memory: Of each process in the factorisation: `8GB`, or bytes; None for as much as there is.
         client: Who does the work: a `distributed.Client`, an executor of `concurrent.futures`, the address of
             a scheduler (`tcp://...`), or how many workers are to be started here; None for this process.
         work: Folder for files, which all workers read and write; that of temporary files when None. They are
@@ -146,8 +146,8 @@ class Run:
             return
         widest = max(len(part.own) + len(part.outer) for part in parts)
         self._tell(
-            f"blocks: {n:,} unknowns in {len(parts)} parts of at most {widest:,}; memory of a part "
-            f"{told(partition.room)}, beside {told(self._beside)}; "
+            f"blocks: {n:,} unknowns in {len(parts)} parts of at most {widest:,}; memory of the "
+            f"factorisation {told(partition.room)} a part, beside {told(self._beside)}; "
             f"disk {told(disk)} in {self.folder}"
         )
         free = shutil.disk_usage(self.folder).free

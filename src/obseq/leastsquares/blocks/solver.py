@@ -166,6 +166,7 @@ class BlockSolver(BaseSolver):
             return tuple(names[child] for child in self._partition.parts[k].children)
 
         self._downwards(lambda k: (tasks.invert, self._parts[k], self._keys[k], names[k], below(k)), take)
+        self._values_now = np.empty(0)  # the factor is in its files: nothing asks for them any more
         return selected
 
     def quadratic_forms(self, values: FloatArray, columns: IndexArray, starts: IntArray) -> FloatArray:
@@ -177,7 +178,7 @@ class BlockSolver(BaseSolver):
         row, part = np.repeat(np.arange(len(result)), np.diff(starts)), self._partition.part_of[places]
         order = np.argsort(np.append(part, 0)[starts[:-1]], kind="stable")
         widest = max(len(one.own) + len(one.outer) for one in self._partition.parts)
-        many = max(1, min(AT_ONCE, NUMBERS // max(widest, 1)))
+        many = max(1, min(AT_ONCE, NUMBERS // (2 * max(widest, 1))))  # in two orders
         for first in range(0, len(order), many):
             chosen = order[first : first + many]
             number = np.full(len(result), -1)
@@ -200,10 +201,9 @@ class BlockSolver(BaseSolver):
 
         def work(task: int) -> tuple[Value, ...]:
             at, own = which[task], part_of == which[task]
-            right = np.zeros((len(parts[at].own), k))
-            np.add.at(right, (np.searchsorted(parts[at].own, places[own]), column[own]), values[own])
+            entries = np.searchsorted(parts[at].own, places[own]), column[own], values[own]
             below = [(i, rests.pop(child)) for i, child in enumerate(parts[at].children) if child in met]
-            return tasks.square, self._parts[at], self._keys[at], right, below
+            return tasks.square, self._parts[at], self._keys[at], entries, k, below
 
         def take(task: int, given: tuple[FloatArray, FloatArray]) -> None:
             rests[which[task]], squares = given

@@ -135,10 +135,20 @@ def reduce(
 
 
 def square(
-    folder: Path, part: str, key: str, right: FloatArray, given: list[tuple[int, FloatArray]]
+    folder: Path,
+    part: str,
+    key: str,
+    entries: tuple[IntArray, IntArray, FloatArray],
+    k: int,
+    given: list[tuple[int, FloatArray]],
 ) -> tuple[FloatArray, FloatArray]:
-    """The same, and (k,) the squares of what is found of its own unknowns: together they are b' N^-1 b."""
-    prepared, solver = _factored(folder, part, key)
+    """The same, and (k,) the squares of what is found of its own unknowns: together they are b' N^-1 b.
+
+    Of k right-hand sides the entries are given: rows, columns, values.
+    """
+    (prepared, solver), (rows, columns, values) = _factored(folder, part, key), entries
+    right = np.zeros((prepared.own, k))
+    np.add.at(right, (rows, columns), values)
     return solver.reduce_and_square(_gathered(folder, prepared, right, given))
 
 
@@ -160,6 +170,8 @@ def expand(
 def _gathered(
     folder: Path, prepared: Prepared, right: FloatArray, given: list[tuple[int, FloatArray]]
 ) -> FloatArray:
+    if prepared.own == prepared.solver.pattern.n and not given:
+        return right
     whole = np.zeros((prepared.solver.pattern.n, right.shape[1]))
     whole[: prepared.own] = right
     for child, rest in given:

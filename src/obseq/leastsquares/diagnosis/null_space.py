@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq import graphs
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
@@ -64,17 +65,13 @@ def parts(
     table: UnknownTable, free: FreeUnknowns, pattern: SymmetricPattern, kernel: FloatArray
 ) -> list[Part]:
     """The connected parts of the unknowns that the kernel (n_free, k) moves."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     block_of = np.repeat(np.arange(len(table)), table.size)[free.scalars]
     size = np.abs(kernel).max(axis=1)
     moving = size > TAKES_PART * size.max()
     rows, columns = pattern.indices, pattern.columns()
     joined = moving[rows] & moving[columns]
     edges = (block_of[rows[joined]], block_of[columns[joined]])
-    graph = coo_array((np.ones(len(edges[0])), edges), shape=(len(table), len(table)))
-    labels = connected_components(graph, directed=False)[1]
+    labels = graphs.parts(len(table), *edges)
     blocks = np.unique(block_of[moving])
     return [
         _part(table, free, kernel, blocks[labels[blocks] == label]) for label in np.unique(labels[blocks])

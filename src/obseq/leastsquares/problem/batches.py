@@ -247,6 +247,7 @@ class Batch:
         Args:
             moves: the influences.
         """
+        self.carriers = np.empty((0, 0))  # the old ones go before the new ones come
         self.carried, self.carriers = carried_of(self.shape, moves, self.n)
         self.kept = None
 

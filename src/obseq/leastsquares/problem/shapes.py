@@ -9,7 +9,7 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, InputError
-from obseq.leastsquares.problem.padding import padded
+from obseq.leastsquares.problem.padding import fill_padded, padded_length
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -227,12 +227,14 @@ def carried_of(shape: Shape, moves: Sequence[Move], n: int) -> tuple[IntArray, F
     and that before what moves residuals.
     """
     moves = sorted(moves, key=lambda move: (move.moved is None, move.moving == move.moved))
-    rows = [move.how.reshape(n, -1).T for move in moves]
-    starts = np.cumsum([0, *map(len, rows)]).tolist()
+    counts = [3 if move.moved is None else 9 for move in moves]
+    starts = np.cumsum([0, *counts]).tolist()
     first = [role.row for role in shape.roles]
     places = [
         (first[move.moving], -1 if move.moved is None else first[move.moved], start)
         for move, start in zip(moves, starts, strict=False)
     ]
-    numbers = np.concatenate([np.zeros((0, n)), *rows])
-    return np.array(places, np.int64).reshape(-1, 3), padded(numbers, np.float64)
+    numbers = np.empty((starts[-1], padded_length(n)))
+    for move, start, count in zip(moves, starts, counts, strict=False):
+        fill_padded(numbers[start : start + count], move.how.reshape(n, -1).T)
+    return np.array(places, np.int64).reshape(-1, 3), numbers

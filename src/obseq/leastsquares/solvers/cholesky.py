@@ -231,7 +231,7 @@ class SupernodalCholesky(BaseSolver):
         _, x = self._permuted(rhs)
         self._sweep(substitute_forward, x, self._stop)
         count = self.pattern.n - len(self._last)
-        return x[:, count:].T[self._last_places], np.square(x[:, :count]).sum(axis=1)
+        return x[:, count:].T[self._last_places], np.einsum("ij,ij->i", x[:, :count], x[:, :count])
 
     def expand(self, rhs: ArrayLike, last_solution: ArrayLike) -> FloatArray:
         """Solution (n,) or (n, m) for all unknowns, from the right-hand side and the solution for `last`."""

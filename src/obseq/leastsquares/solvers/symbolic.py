@@ -260,7 +260,7 @@ def scatter_map(
     `place` (n,) is the position of each unknown in the order of elimination, `node` (n,) the supernode of
     each position.
     """
-    row, column, entry, target = np.empty((4, len(indices)), np.int32)
+    row, column, entry, target = (np.empty(len(indices), np.int32) for _ in range(4))
     counts = np.zeros(len(start) + 1, np.int64)
     turn_entries(indptr, indices, place, node, row, column, counts)
     filled = np.cumsum(counts)

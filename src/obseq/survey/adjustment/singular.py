@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
+from obseq.graphs import parts
 from obseq.leastsquares.diagnosis.free_motions import find_motions
 from obseq.leastsquares.diagnosis.singular import grouped
 from obseq.records.adjustment import MotionRecord
@@ -172,9 +173,6 @@ def linked_to_known(points: Points, book: FieldBook) -> BoolArray:
 
 def parts_of(book: FieldBook) -> IntArray:
     """(n,) for each point the part it belongs to: active observations join its points, however indirectly."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     rows, n = book.observations, len(book.point_names)
     third = rows.active & (rows.backsights >= 0)
     groups = [
@@ -183,8 +181,7 @@ def parts_of(book: FieldBook) -> IntArray:
     grouped = np.array(groups, np.int32).reshape(-1, 2).T
     first = np.concatenate([rows.from_points[rows.active], rows.from_points[third], grouped[0]])
     second = np.concatenate([rows.to_points[rows.active], rows.backsights[third], grouped[1]])
-    joins = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
-    return np.asarray(connected_components(joins, directed=False)[1], np.int64)
+    return np.asarray(parts(n, first, second), np.int64)
 
 
 def check_scales(

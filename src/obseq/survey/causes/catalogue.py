@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from obseq.leastsquares.sparse import Sparse
 from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IndexArray, IntArray
+    from collections.abc import Iterator
+
+    from obseq.arrays import Array, FloatArray, IndexArray, IntArray
     from obseq.diagnosis.linear import Linear
     from obseq.survey.causes.cause import Cause, Groups, KnownCause
     from obseq.survey.causes.effects import Effects
@@ -104,7 +106,8 @@ class Catalogue:
     def _of_causes(self) -> list[Family]:
         """All others: columns of their own, or those of their rows."""
         self._n_alone = len(self.rows) + len(self.known)
-        families, start, seen = [], self._n_alone, set[tuple[str, int]]()
+        families, start = [], self._n_alone
+        seen: dict[str, Array] = {}
         marks = np.frombuffer(Random(0).randbytes(8 * len(self._active)), dtype=np.uint64)
         for cause in CAUSES:
             for groups in cause.where(self.notes, self._active):
@@ -179,9 +182,9 @@ class Catalogue:
             assert cause.effect is not None
             change = _by_parts(cause.effect(effects)[groups.rows]) * scales[groups.rows, None]
             own, counts = self._column[groups.rows], np.repeat(np.diff(groups.starts), cause.width)
-            order = _part_by_part(groups.starts, cause.width)
-            end = at + len(order)
-            values[at:end], places[at:end] = change.ravel()[order], own[order // cause.width]
+            end = at + change.size
+            for part, place in zip(change.T, _places_of_parts(groups.starts, cause.width), strict=True):
+                values[at:end][place], places[at:end][place] = part, own
             starts.append(at + np.cumsum(counts) - counts)
             at = end
         for of_known, chosen in self.of_known:
@@ -223,15 +226,13 @@ class Catalogue:
         return tuple((int(point), int(part)) for point, part in self.known[equations])
 
 
-def _part_by_part(starts: IntArray, width: int) -> IntArray:
-    """Places of the entries (m, width) of groups, by group, and there part by part."""
-    entries = np.arange(width * starts[-1])
-    if width == 1:
-        return entries
-    group = np.repeat(np.arange(len(starts) - 1), width * np.diff(starts))
-    before, count = starts[group], np.diff(starts)[group]
-    part, member = np.divmod(entries - width * before, count)
-    return np.asarray(width * (before + member) + part)
+def _places_of_parts(starts: IntArray, width: int) -> Iterator[IntArray]:
+    """Of each part, the places (m,) of members of groups: by group, there by part, by member."""
+    counts = np.diff(starts)
+    place, count = np.arange(starts[-1]) + (width - 1) * starts[:-1].repeat(counts), counts.repeat(counts)
+    for _ in range(width):
+        yield place
+        place = place + count
 
 
 def _by_parts(effect: FloatArray) -> FloatArray:
@@ -239,17 +240,18 @@ def _by_parts(effect: FloatArray) -> FloatArray:
     return effect if effect.ndim > 1 else effect[:, None]
 
 
-def _not_seen(groups: Groups, marks: Any, cause: Cause, seen: set[tuple[str, int]]) -> Groups:
+def _not_seen(groups: Groups, marks: Array, cause: Cause, seen: dict[str, Array]) -> Groups:
     """Those of some groups of which no other has the same effect on the same rows."""
     if not len(groups):
         return groups
-    keys = np.add.reduceat(marks[groups.rows], groups.starts[:-1]).tolist()
-    kind = cause.code
+    keys = np.add.reduceat(marks[groups.rows], groups.starts[:-1])
+    order = keys.argsort(kind="stable")
     kept = np.zeros(len(keys), np.bool_)
-    for k, key in enumerate(keys):
-        if (kind, key) not in seen:
-            seen.add((kind, key))
-            kept[k] = True
+    kept[order[np.append(True, np.diff(keys[order]) != 0)]] = True
+    before = seen.get(cause.code)
+    if before is not None:
+        kept &= ~np.isin(keys, before)
+    seen[cause.code] = keys[kept] if before is None else np.append(before, keys[kept])
     if kept.all():
         return groups
     counts = np.diff(groups.starts)

@@ -10,7 +10,7 @@ from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.survey.causes.notes import Notes
     from obseq.survey.equations.equations import Equations
 
@@ -26,13 +26,15 @@ class Effects:
         notes: The network.
         coordinates: (p, 3) of the points.
         vectors: (n, 3) from instrument to target, heights included; NaN where a point has no place.
-        horizons: (n, 3, 3) east, north and up at the instrument, by rows.
+        origins: (n,) point of the instrument.
+        horizons: (p, 3, 3) east, north and up at points, by rows.
         axes: (n, 3) what a metre east, north and up adds to components of vectors; NaN of others.
     """
 
     notes: Notes
     coordinates: FloatArray
     vectors: FloatArray
+    origins: IntArray
     horizons: FloatArray
     axes: FloatArray
 
@@ -41,18 +43,18 @@ class Effects:
         """Those of a network, its heights as its field book gives them."""
         rows = notes.book.observations
         origins = np.where(rows.from_points < len(coordinates), rows.from_points, 0).astype(np.int64)
-        horizons = equations.horizons(origins, coordinates)
+        horizons = equations.horizons(np.arange(len(coordinates)), coordinates)
         places = np.full((len(notes.book.point_names), 3), np.nan)
         places[: len(coordinates)] = coordinates
         axes = equations.local_axes(coordinates)
-        raised = (rows.to_heights - rows.from_heights)[:, None] * horizons[:, 2]
+        raised = (rows.to_heights - rows.from_heights)[:, None] * horizons[origins, 2]
         vectors = places[rows.to_points] - places[rows.from_points] + raised
-        return cls(notes, coordinates, vectors, horizons, axes)
+        return cls(notes, coordinates, vectors, origins, horizons, axes)
 
     @property
     def up(self) -> FloatArray:
         """(n, 3) vertical of the instrument."""
-        return np.asarray(self.horizons[:, 2])
+        return np.asarray(self.horizons[self.origins, 2])
 
     @property
     def ones(self) -> FloatArray:
@@ -77,7 +79,8 @@ class Effects:
     @cached_property
     def off_centre(self) -> FloatArray:
         """(n, 2) of an instrument that stands a metre east, and north, of its point."""
-        local = np.nan_to_num(np.einsum("nij,nj->ni", self.horizons, self.vectors))
+        along = [np.einsum("ni,ni->n", self.horizons[self.origins, k], self.vectors) for k in range(3)]
+        local = np.nan_to_num(np.column_stack(along))
         plan, rise = local[:, :2], local[:, 2:]
         flat = np.maximum(np.hypot(*plan.T), _SHORTEST)[:, None]
         length, notes = self.lengths[:, None], self.notes

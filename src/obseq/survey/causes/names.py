@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from obseq.arrays import FloatArray, IntArray
     from obseq.records.adjustment import LeftOutRecord
-    from obseq.report.units import Scale, Units
+    from obseq.report.tables.units import Scale, Units
     from obseq.survey.adjustment.adjusted_records import AdjustedPoints
     from obseq.survey.model import FieldBook, Points
 

@@ -53,6 +53,8 @@ class Rewriting:
     right: Callable[[FloatArray, BoolArray], FloatArray]
 
 
+_SEEN_OUTSIDE = "S202", "S203", "S204"
+"""Of all values they leave a network in order, but larger or mirrored: known points alone contradict them."""
 SCOPES = (ALL, FILE, FROM)
 """Where they may be: first of all it is tried, then of some."""
 
@@ -153,6 +155,8 @@ def rewritten(
 ) -> Iterator[Iterator[Rewritten]]:
     """The networks without one such mistake, in parts: those of all values first, of single points last.
 
+    Of one part may be as good as each other what is in no other part.
+
     Args:
         notes: The network.
         system: Of the coordinates of points.
@@ -161,7 +165,9 @@ def rewritten(
     """
     known = _known(notes.points)
     worst = known[np.argsort(-off_points[known], kind="stable")][:_MOST_KNOWN]
-    yield chain(_of_values(notes, SCOPES[:1], None), _horizontal(notes), _of_all_points(notes, system))
+    values = list(of_all_values(notes))
+    yield chain((one for one in values if one.code in _SEEN_OUTSIDE), _of_all_points(notes, system))
+    yield chain((one for one in values if one.code not in _SEEN_OUTSIDE), _horizontal(notes))
     yield other_system(notes, known)
     yield _of_values(notes, SCOPES[1:], off)
     yield _of_single_points(notes.points, notes, system, worst, len(known))
@@ -174,6 +180,11 @@ def _worst(groups: Groups, off: FloatArray) -> list[int]:
     asked, wrong = np.diff(asked), np.diff(wrong)
     found = np.flatnonzero((asked >= _LEAST) & (wrong >= POLICY.whole * asked))
     return list(map(int, found[np.argsort(-wrong[found], kind="stable")][: POLICY.trials]))
+
+
+def of_all_values(notes: Notes) -> Iterator[Rewritten]:
+    """The networks in which all values of a group of kinds are written anew."""
+    return _of_values(notes, SCOPES[:1], None)
 
 
 def _of_values(notes: Notes, scopes: tuple[Scope, ...], off: FloatArray | None) -> Iterator[Rewritten]:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
-from obseq.report.units import METRIC, Scale, Sexagesimal
+from obseq.report.tables.units import METRIC, Scale, Sexagesimal
 from obseq.survey.kinds.kind import ObservationKind, Start
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
 
 GON = 200.0 / math.pi
 FEET = 0.3048

@@ -60,7 +60,7 @@ def _other(effects: Effects, rows: IntArray, moved: FloatArray, end: int, tolera
     places = effects.coordinates
     if end >= len(places) or not np.isfinite(effects.axes[rows]).all():
         return None
-    local = (places - places[end]) @ effects.horizons[rows[0]].T
+    local = (places - places[end]) @ effects.horizons[effects.origins[rows[0]]].T
     off = np.abs(local @ effects.axes[rows].T - moved).max(axis=1)
     off[end] = np.inf
     best = int(np.nanargmin(off))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from obseq.diagnosis.policy import Policy
     from obseq.diagnosis.verdict import Verdict
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
     from obseq.survey.causes.catalogue import Named
     from obseq.survey.diagnosing.network_model import NetworkModel
     from obseq.survey.initial.left_out import Determined

@@ -6,25 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.diagnosis.policy import POLICY
 from obseq.survey.kinds.registry import BY_CODE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import FloatArray
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
     from obseq.survey.adjustment.adjusted import Adjustment
 
     Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
-
-_OUT_OF_LINE = 100.0
-"""How many times larger or smaller than the median of its kind a sigma is that is told."""
-_LEAST, _SHARE = 4, 0.25
-"""Observations of a kind that have a usual sigma, and the share of them that may be out of line."""
-_GROSS = 10.0
-"""Usual sigmas from which a misfit is large whatever its own sigma says."""
-_JUDGED = 3.29
-"""Standardised residual from which an observation is judged by the test: at 0.1 %."""
 
 
 def odd_sigmas(adjustment: Adjustment, units: Units) -> tuple[str, ...]:
@@ -34,7 +26,7 @@ def odd_sigmas(adjustment: Adjustment, units: Units) -> tuple[str, ...]:
     told: list[str] = []
     for code in np.flatnonzero(np.bincount(types[active])).tolist():
         rows = np.flatnonzero((types == code) & active & np.isfinite(adjustment.residuals))
-        if len(rows) >= _LEAST:
+        if len(rows) > POLICY.few:
             told += _told(adjustment, units, rows)
     return tuple(told)
 
@@ -43,11 +35,14 @@ def _told(adjustment: Adjustment, units: Units, rows: Rows) -> Iterator[str]:
     """Of one kind, the observations whose sigma is out of line and decides what is said of them."""
     usual = float(np.sort(adjustment.sigmas[rows])[len(rows) // 2])
     factors = adjustment.sigmas[rows] / usual
-    odd = (factors >= _OUT_OF_LINE) | (factors <= 1.0 / _OUT_OF_LINE)
-    if odd.mean() > _SHARE:
+    odd = np.maximum(factors, 1.0 / factors) >= POLICY.out_of_line
+    if odd.mean() > POLICY.half:
         return
     for row, factor in zip(rows[odd].tolist(), factors[odd].tolist(), strict=True):
-        is_large, is_judged = abs(_misfit(adjustment, row)) > _GROSS * usual, _is_judged(adjustment, row)
+        is_large, is_judged = (
+            abs(_misfit(adjustment, row)) > POLICY.suspect * usual,
+            _is_judged(adjustment, row),
+        )
         if factor > 1.0 and is_large and not is_judged:
             yield _sentence(adjustment, units, row, usual, f"{factor:.0f} times larger", "hides")
         elif factor < 1.0 and is_judged and not is_large:
@@ -73,4 +68,4 @@ def _misfit(adjustment: Adjustment, row: int) -> float:
 
 def _is_judged(adjustment: Adjustment, row: int) -> bool:
     numbers = adjustment.quality.observations
-    return numbers is not None and abs(float(numbers.standardised[row])) > _JUDGED
+    return numbers is not None and abs(float(numbers.standardised[row])) > POLICY.near

@@ -12,6 +12,7 @@ import numpy as np
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
+from obseq.graphs import outwards
 from obseq.survey.causes.rewriting import rewritten
 from obseq.survey.causes.values import is_possible
 from obseq.survey.initial.left_out import part_of
@@ -127,13 +128,9 @@ def part_that_shows(notes: Notes, off_points: IntArray, most: int) -> BoolArray 
     rows = notes.book.observations
     if np.count_nonzero(rows.active) <= most:
         return None
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import breadth_first_order
-
     n = len(notes.points)
     ends = rows.from_points[rows.active], rows.to_points[rows.active]
-    graph = coo_array((np.ones(len(ends[0])), ends), shape=(n, n)).tocsr()
-    order, before = breadth_first_order(graph, int(np.argmax(off_points)), directed=False)
+    order, before = outwards(n, *ends, int(np.argmax(off_points)))
     rank = np.full(n, n)
     rank[order] = np.arange(len(order))
     cut = min(int(np.sort(np.maximum(rank[ends[0]], rank[ends[1]]))[most]), n - 1)
@@ -147,7 +144,7 @@ def part_that_shows(notes: Notes, off_points: IntArray, most: int) -> BoolArray 
 
 
 def _raced(model: NetworkModel, some: Iterable[Rewritten], begin: Begin, noise: float) -> list[Trial]:
-    """The trials of some mistakes: those that look best at a glance are computed to their end.
+    """The trials of some mistakes: those that look best at a glance, and better than none, are computed.
 
     Args:
         model: The network.
@@ -158,8 +155,9 @@ def _raced(model: NetworkModel, some: Iterable[Rewritten], begin: Begin, noise: 
     possible = (one for one in some if is_possible(one.slip, model.units))
     seen = sorted((one for one in map(partial(_glanced, model, begin), possible) if one), key=itemgetter(0))
     trials: list[Trial] = []
+    as_given = model.contradictions(model.soon())[0] if seen else 0.0
     for left, one, other in seen[: POLICY.trials]:
-        if trials and min(map(_price, trials)) < noise < left:
+        if left >= as_given or (trials and min(map(_price, trials)) < noise < left):
             break
         if (trial := _tried(model, one, other)) is not None:
             trials.append(trial)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.diagnosis.verdict import Accusation
-    from obseq.report.units import Units
+    from obseq.report.tables.units import Units
     from obseq.survey.causes.catalogue import Catalogue, Named
     from obseq.survey.causes.cause import Rewritten
     from obseq.survey.causes.notes import Notes

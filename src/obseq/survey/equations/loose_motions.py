@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq import graphs
 from obseq.dataclass import dataclass
 from obseq.errors import SingularMatrixError, SingularSystemError
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
@@ -125,15 +126,11 @@ def size_of(coordinates: FloatArray) -> float:
 
 def _parts(normal: NormalEquations, numbers: IntArray) -> IntArray:
     """(n_points,) the part of each point, -1 where all of it is held: parts share points or instruments."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     table, pattern = normal.table, normal.pattern
     block = np.repeat(np.arange(len(table)), table.size)[normal.free.scalars]
     rows, columns = block[pattern.indices], block[pattern.columns()]
     joins = (table.size[rows] == 3) & (table.size[columns] == 3)
-    graph = coo_array((np.ones(joins.sum()), (rows[joins], columns[joins])), shape=(len(table),) * 2)
-    labels = connected_components(graph, directed=False)[1]
+    labels = graphs.parts(len(table), rows[joins], columns[joins])
     first = numbers.max(axis=1)
     _, found = np.unique(labels[block[first[first >= 0]]], return_inverse=True)
     parts = np.full(len(numbers), -1)

@@ -34,7 +34,7 @@ from obseq.survey.initial.placement import GOOD, REST, Placement
 from obseq.survey.initial.rivals import Choice, Contest, contest_of, start_rivals
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
-from obseq.survey.sights.graph_building import Graphs
+from obseq.survey.sights.graph_building import Graphs, is_large
 from obseq.survey.sights.sights import GIVEN, Steps
 
 if TYPE_CHECKING:
@@ -142,7 +142,10 @@ def values_by(
         choice: where points start that have several places; None: nowhere.
     """
     with collector_at_rest():
-        return _all_values(graphs, points, book, vertical, recompute_free, choice)
+        found = _all_values(graphs, points, book, vertical, recompute_free, choice)
+    if is_large(book):
+        gc.collect()  # empties Python's stores of small objects, which hold the memory around them
+    return found
 
 
 @contextmanager

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obseq.survey.kinds.kind import Start
-from obseq.survey.kinds.registry import BY_CODE
+from obseq.survey.kinds.registry import BY_CODE, among, codes_where
 from obseq.survey.model import Orientation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from obseq.arrays import FloatArray
+    from obseq.arrays import FloatArray, IntArray
     from obseq.survey.model import FieldBook, Points
 
 UNIT = 100.0
@@ -41,31 +41,43 @@ class _Sight(NamedTuple):
 def placed_in_own_frame(points: Points, book: FieldBook) -> tuple[Points, str] | None:
     """The points with coordinates for two of them, and what to say of it; None where something is known.
 
+    One point with approximate coordinates says where the frame is, and nothing of its orientation.
+
     Args:
         points: Of a plane with or without heights, numbered like the field book.
         book: The observations.
     """
-    if np.isfinite(points.coordinates[:, :2]).any():
+    anchors = np.flatnonzero(np.isfinite(points.coordinates[:, :2]).any(axis=1))
+    if anchors.size > 1 or (anchors.size and _is_held(points, book, int(anchors[0]))):
         return None
     measured = _measured(book)
-    sight = _first_sight(measured)
+    sight = _first_sight(measured, anchors)
     if sight is None:
-        return _in_axes_of_tilted(points, book)
+        return None if anchors.size else _in_axes_of_tilted(points, book)
     length = _length(measured, sight)
     azimuth = measured[Start.HZ].get(sight, 0.0)
     coordinates = points.coordinates.copy()
     flat = UNIT if length is None else length
+    given = coordinates[anchors].copy()
+    coordinates[anchors] = np.nan
+    is_new = np.isnan(coordinates)
     coordinates[sight.origin, :2] = 0.0
     coordinates[sight.target, :2] = flat * math.sin(azimuth), flat * math.cos(azimuth)
     for row, height in ((sight.origin, 0.0), (sight.target, _rise(measured, sight, flat))):
         if np.isnan(coordinates[row, 2]):
             coordinates[row, 2] = height
     corners = _corners(measured, coordinates, sight)
+    coordinates[is_new] += np.broadcast_to(
+        np.nan_to_num(given - coordinates[anchors]).sum(axis=0), coordinates.shape
+    )[is_new]
     origin, target = points.names[sight.origin], points.names[sight.target]
+    named = [points.names[row] for row in anchors]
+    what = f"only {named[0]} has coordinates" if named else "no point has coordinates"
+    place = f"{named[0]} there" if named else f"{origin} at 0 0"
     told = (
-        f"no point has coordinates: the network is placed in a frame of its own, {origin} at 0 0 and the "
-        f"azimuth to {target} {'as its circle has it' if sight in measured[Start.HZ] else '0'}; its datum "
-        "is that of inner constraints"
+        f"{what}: the network is placed in a frame of its own, {place} and the azimuth from {origin} to "
+        f"{target} {'as its circle has it' if sight in measured[Start.HZ] else '0'}; its datum is that of "
+        "inner constraints"
     )
     if corners:
         told += f". Nothing says what is vertical: {points.names[corners[0]]} is at their height"
@@ -74,6 +86,17 @@ def placed_in_own_frame(points: Points, book: FieldBook) -> tuple[Points, str] |
             f". No distance is measured: {origin} - {target} is taken as {UNIT:g} m, its scale says nothing"
         )
     return replace(points, coordinates=coordinates), told
+
+
+def _is_held(points: Points, book: FieldBook, row: int) -> bool:
+    """Whether anything beside a point's approximate coordinates says what is where, or which way is north."""
+    absolute = codes_where(lambda kind: kind.is_absolute or kind.is_from_north)
+    rows = book.observations
+    return bool(
+        not np.isnan(points.sigmas[row, :2]).all()
+        or points.in_datum.any()
+        or (among(rows.types, absolute) & rows.active).any()
+    )
 
 
 def _in_axes_of_tilted(points: Points, book: FieldBook) -> tuple[Points, str] | None:
@@ -183,8 +206,18 @@ def _rows(book: FieldBook, *, is_tilted: bool = False) -> Iterator[tuple[Start, 
             yield start, _Sight(origin, target), value, station
 
 
-def _first_sight(measured: dict[Start, dict[_Sight, float]]) -> _Sight | None:
-    """The sight to begin with: with a length if there is one, from the point that sees most."""
+def _first_sight(measured: dict[Start, dict[_Sight, float]], ends: IntArray) -> _Sight | None:
+    """The sight to begin with: with a length if there is one, from the point that sees most.
+
+    Args:
+        measured: The first value of each sort between two points.
+        ends: Row of a point at one of its ends; none: any sight.
+    """
+    if ends.size:
+        measured = {
+            start: {sight: value for sight, value in found.items() if ends[0] in sight}
+            for start, found in measured.items()
+        }
     seen = Counter(sight.origin for start in (Start.HZ, Start.ANGLE) for sight in measured[start])
     met = Counter(sight.target for start in (Start.HZ, Start.ANGLE) for sight in measured[start])
     lengths = [*measured[Start.FLAT], *measured[Start.DISTANCE]]

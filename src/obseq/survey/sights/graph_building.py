@@ -295,9 +295,14 @@ class Graphs:
         else:
             graph = build_graph(book, n_points, orientations, is_level=is_level, bend=self._bend)
         made = _Made(book, n_points, is_level, graph, PlumbWays(graph))
-        if len(book.observations) <= _MOST:
+        if not is_large(book):
             self._last = made
         return made.graph, made.ways
+
+
+def is_large(book: FieldBook) -> bool:
+    """Whether what is made of the observations one by one takes much memory."""
+    return len(book.observations) > _MOST
 
 
 def _is_the_same(book: FieldBook, other: FieldBook) -> bool:

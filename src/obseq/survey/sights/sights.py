@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
@@ -230,7 +231,7 @@ Cause = Step | Sighted
 
 
 class Steps(Sequence[Step | None]):
-    """The steps of points or of stations, None where there is none.
+    """The steps of points or of stations, None where there is none; of a large network in columns.
 
     Args:
         causes: of each.
@@ -238,10 +239,14 @@ class Steps(Sequence[Step | None]):
     """
 
     def __init__(self, causes: Sequence[Cause | None], rows: IndexRows) -> None:
-        self._causes, self._rows = causes, rows
+        self._rows = rows
+        self._told = {k: cause for k, cause in enumerate(causes) if isinstance(cause, Step)}
+        sights = [() if cause is None or k in self._told else cause for k, cause in enumerate(causes)]
+        self._starts = np.append(0, np.cumsum(list(map(len, sights)), dtype=np.int64))
+        self._sights = np.fromiter(chain.from_iterable(sights), np.int32, int(self._starts[-1]))
 
     def __len__(self) -> int:
-        return len(self._causes)
+        return len(self._starts) - 1
 
     @overload
     def __getitem__(self, which: int) -> Step | None: ...
@@ -251,8 +256,9 @@ class Steps(Sequence[Step | None]):
         """One of them, or several."""
         if isinstance(which, slice):
             return tuple(self[k] for k in range(len(self))[which])
-        cause = self._causes[which]
-        return None if cause is None else step_of(cause, self._rows)
+        number = range(len(self))[which]
+        own = self._sights[self._starts[number] : self._starts[number + 1]].tolist()
+        return step_of(tuple(own), self._rows) if own else self._told.get(number)
 
 
 def step_of(cause: Cause, rows: IndexRows) -> Step:

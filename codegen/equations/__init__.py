@@ -1,0 +1,1 @@
+"""Equations as a reader sees them: in text and in LaTeX, on pages of formulas."""

@@ -1,0 +1,1 @@
+"""Graphs of expressions: made of equations, differentiated, and made shorter."""

@@ -1,0 +1,1 @@
+"""Plans and schemes of networks, and figures of them in SVG."""

@@ -1,0 +1,1 @@
+"""Tables of results: each declared once, of what records hold, with the units that they are told in."""
