@@ -73,9 +73,9 @@ def _tile_discs(tile: Tile, noise: float, sign: float, gap: float) -> FloatRows:
     discs(tile.image, sign, noise, RADII, WAYS, FARTHEST, found, shapes)
     found = np.column_stack((found, shapes, np.empty(len(found))))[np.isfinite(shapes[:, 0])]
     rows = (MOST_PLACES, UNKNOWNS)
-    rooms = [rows, rows, MOST_PLACES, (3, UNKNOWNS), (UNKNOWNS, UNKNOWNS)]
+    rooms = [np.empty(shape) for shape in (rows, rows, MOST_PLACES, (3, UNKNOWNS), (UNKNOWNS, UNKNOWNS))]
     share = np.empty(len(found))
-    fit_discs(tile.image, sign, noise, gap, found, share, *map(np.empty, rooms))
+    fit_discs(tile.image, sign, noise, gap, found, share, *rooms)
     found[:, :2] += np.array([tile.left, tile.top])
     return found[share > LIKELY]
 

@@ -114,9 +114,9 @@ def _is_inside(image: Array, spot: FloatArray, reach: float) -> bool:
 def _window(image: Array, spot: FloatArray, reach: float) -> tuple[FloatRows, IntArray]:
     """The part of an image where an ellipse lies, so many times as large, and its first column and line."""
     low, high = _around(spot, reach)
-    low, high = np.maximum(low.astype(np.int64) - 2, 0), np.maximum(high.astype(np.int64) + 3, 2)
-    part = image[low[1] : high[1], low[0] : high[0]]
-    return part.astype(np.float64, order="C"), low
+    first, last = np.maximum(low.astype(np.int64) - 2, 0), np.maximum(high.astype(np.int64) + 3, 2)
+    part = image[first[1] : last[1], first[0] : last[0]]
+    return part.astype(np.float64, order="C"), first
 
 
 def _read_ring(
