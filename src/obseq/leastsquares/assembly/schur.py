@@ -22,7 +22,7 @@ from obseq.leastsquares.loops.loop_arguments import Groups
 from obseq.leastsquares.loops.sorting import distinct_pairs, sorted_by
 
 if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, IndexArray, IntArray, IntRows
+    from obseq.arrays import BoolArray, IndexArray, IntArray, PositionRows
     from obseq.leastsquares.assembly.pattern import BlockPairs
     from obseq.leastsquares.problem.unknowns import UnknownTable
 
@@ -90,7 +90,7 @@ def _are_threes(table: UnknownTable, pairs: BlockPairs) -> BoolArray:
 
 def _no_groups(n_scalars: int) -> tuple[Groups, Met]:
     none, start = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    pairs, links, local = none.reshape(0, 3), none.reshape(0, 5), np.full(n_scalars, -1)
+    pairs, links, local = none.reshape(0, 3), none.reshape(0, 5).astype(np.uint32), np.full(n_scalars, -1)
     met = Met(none, start, none.astype(np.int32))
     return Groups(none, start, pairs, start, links, start, none, local, 1), met
 
@@ -133,13 +133,13 @@ def _refuse_large(table: UnknownTable, blocks: IndexArray, bounds: IntArray, loc
 
 def _met(
     table: UnknownTable, pairs: BlockPairs, group: IndexArray, n_groups: int
-) -> tuple[Met, IntRows, IntArray]:
+) -> tuple[Met, PositionRows, IntArray]:
     """What the groups meet, and their links with their bounds; `group` (n_blocks,) is -1 for other blocks."""
     from obseq.leastsquares.loops.neighbours import list_neighbours, write_links
 
     of_group, other = np.empty((2, len(pairs.rows)), dtype=np.int32)
     list_neighbours(pairs.rows, pairs.columns, group, of_group, other)
     found = distinct_pairs(of_group, other, n_groups, len(group))
-    links = np.empty((len(found.order), 5), dtype=np.int64)
+    links = np.empty((len(found.order), 5), dtype=np.uint32)
     write_links(pairs.rows, pairs.columns, table.size, group, found.order, links)
     return Met(found.second, found.starts, found.number[found.order]), links, found.bounds

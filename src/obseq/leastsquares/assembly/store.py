@@ -10,6 +10,8 @@ equations and frozen unknowns, without loops over observations.
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,6 +50,9 @@ if TYPE_CHECKING:
 
 STORED_HEIGHT = 5
 """Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""
+
+LARGE = 2 << 16
+"""Doubles of a store, a megabyte, from which on what its layout took is given back before it is made."""
 
 MOST_DOUBLES = 2**32 - 1
 """Places in the store are 32-bit numbers."""
@@ -131,6 +136,21 @@ def store_layout(
     Raises:
         InputError: an observation joins two eliminated blocks, or the matrix is too large.
     """
+    layout = _laid_out(table, batches, used, eliminated)
+    if layout.size >= LARGE:
+        _give_back()
+    return layout
+
+
+def _give_back() -> None:
+    """Gives memory of arrays that are gone back to the system, where the C library keeps it for others."""
+    if sys.platform == "linux" and (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)):
+        trim(0)
+
+
+def _laid_out(
+    table: UnknownTable, batches: Sequence[Batch], used: BoolArray, eliminated: BoolArray | None
+) -> StoreLayout:
     eliminated = np.zeros(len(used), dtype=bool) if eliminated is None else eliminated
     free = free_unknowns(table, used & ~eliminated)
     loose = _with_free_unknowns(table, used & eliminated)

@@ -137,7 +137,7 @@ class Groups(NamedTuple):
     block_bounds: IntArray
     inner: IntRows
     inner_bounds: IntArray
-    links: IntRows
+    links: PositionRows
     link_bounds: IntArray
     threes: IntArray
     local: IntArray

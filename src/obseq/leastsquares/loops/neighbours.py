@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from obseq.compilation import compiled
 
 if TYPE_CHECKING:
-    from obseq.arrays import IndexArray, IntArray, IntRows, PositionArray
+    from obseq.arrays import IndexArray, IntArray, IntRows, PositionArray, PositionRows
 
 
 @compiled
@@ -32,7 +32,7 @@ def write_links(
     size: IntArray,
     group: IndexArray,
     order: IndexArray,
-    links: IntRows,
+    links: PositionRows,
 ) -> None:
     """Writes the links that some pairs of blocks are, as of `Groups`; places are numbers of pairs as yet."""
     for k in range(len(order)):
