@@ -25,7 +25,6 @@ from obseq.errors import ObseqError, SingularSystemError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from obseq.arrays import FloatArray
     from obseq.diagnosis.policy import Policy
     from obseq.diagnosis.protocol import Model
 
@@ -36,11 +35,6 @@ def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = N
     """What is wrong with a model, or that nothing is."""
     search = Search(model, policy, told)
     return search.at_first() or search.patiently()
-
-
-def _gains_at_first(tests: LinearTests) -> FloatArray:
-    """(h,) as `gains`, nothing being accepted."""
-    return gains(tests, tests.tests(tests.given(()), blocks=False))
 
 
 def noise(model: Model[Place]) -> float:
@@ -138,7 +132,7 @@ class Search(Generic[Place]):
     def _of_nothing(self, solution: Place) -> Verdict | None:
         """That a solution shows nothing, or nothing that has a name; else None."""
         tests = self._tests(solution)
-        told = np.flatnonzero(np.isfinite(_gains_at_first(tests))).tolist()
+        told = np.flatnonzero(np.isfinite(gains(tests, tests.tests(tests.given(()), blocks=False)))).tolist()
         is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
         if is_accepted and all(tests.is_small(i, [i]) for i in told):
             return judged(self._model, Explanation(0.0, tests, tuple(select(tests)), solution), "")
