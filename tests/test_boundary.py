@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import obseq.images.causes.diagnosing as causes
+import obseq.images.diagnosing.diagnosis as causes
 import obseq.images.output.page as block_page
 import obseq.images.output.record as block_record
 import obseq.report.formats as formats

@@ -52,7 +52,7 @@ class Room(NamedTuple):
 ROOMS = {
     "diagnosis": Room(("src/obseq/diagnosis",), ("tests/diagnosis",)),
     "images": Room(
-        ("src/obseq/images/causes",),
+        ("src/obseq/images/causes", "src/obseq/images/diagnosing"),
         (
             "tests/images/test_block_model.py",
             "tests/images/test_causes.py",

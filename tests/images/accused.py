@@ -1,8 +1,8 @@
 """What a block, or the error of one that has no solution, accuses."""
 
 from obseq.errors import ObseqError
-from obseq.images.causes.diagnosing import diagnosed
-from obseq.images.causes.refusals import explained
+from obseq.images.diagnosing.diagnosis import diagnosed
+from obseq.images.diagnosing.refusals import explained
 
 
 def diagnosis(block, **options):

@@ -9,8 +9,8 @@ from accused import diagnosis
 
 from obseq.diagnosis.engine import diagnose
 from obseq.images import ControlPoints
-from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
+from obseq.images.diagnosing.model import BlockModel
 
 
 def _block(**shape):

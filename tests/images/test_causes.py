@@ -10,9 +10,9 @@ from accused import codes, diagnosis, said
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ImagePoints
-from obseq.images.causes import trials
 from obseq.images.causes.shared import SharedCause, Told
-from obseq.images.causes.trials import Tries, due_for_missing
+from obseq.images.diagnosing import trials
+from obseq.images.diagnosing.trials import Tries, due_for_missing
 from obseq.images.initial import growth
 
 

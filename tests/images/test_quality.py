@@ -6,7 +6,7 @@ import scenes
 
 from obseq.errors import InputError, SingularSystemError
 from obseq.images import BlunderSearch, ImagePoints, Weighting
-from obseq.images.causes.diagnosing import diagnosed
+from obseq.images.diagnosing.diagnosis import diagnosed
 from obseq.images.output.page import page
 from obseq.images.output.page import text as summary
 from obseq.images.output.record import record_of

@@ -5,7 +5,7 @@ import pytest
 import scenes
 
 from obseq.images import BundleAdjustment, Camera, ControlPoints, Poses, Weighting
-from obseq.images.causes.diagnosing import diagnosed
+from obseq.images.diagnosing.diagnosis import diagnosed
 from obseq.images.output.page_findings import distrusted
 from obseq.images.output.record import record_of
 

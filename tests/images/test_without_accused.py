@@ -7,8 +7,8 @@ from accused import diagnosis
 
 from obseq.errors import InputError
 from obseq.images import ControlPoints
-from obseq.images.causes.diagnosing import diagnosed
-from obseq.images.causes.without_accused import without_accused
+from obseq.images.diagnosing.diagnosis import diagnosed
+from obseq.images.diagnosing.without_accused import without_accused
 
 
 def _block():

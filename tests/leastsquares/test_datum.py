@@ -349,3 +349,14 @@ def test_what_the_datum_alone_determines_has_no_variance_and_no_negative_one(see
     variances = solver.selected_inverse()[pattern.diagonal]
     assert variances.min() >= 0.0
     assert variances[chosen].max() < 1e-9 * variances.max()
+
+
+def test_constraints_and_datum_parameters_count_for_themselves():
+    system, ids, start = free_system()
+    system.set_datum(ids[:4])
+    between = ids[[0]], ids[[1]]
+    system.constrain_linear(
+        between, [np.array([[-1.0, 0.0]]), np.array([[1.0, 0.0]])], start[1, :1] - start[0, :1]
+    )
+    result = system.solve()
+    assert result.redundancy == 36 + 1 + system.datum_defect - 18

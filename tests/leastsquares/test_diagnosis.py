@@ -6,6 +6,7 @@ from networks import levelled_square
 
 from obseq import InputError, SingularSystemError
 from obseq.leastsquares import LeastSquares
+from obseq.leastsquares.diagnosis import singular
 
 
 def test_an_empty_system():
@@ -59,3 +60,22 @@ def test_more_unknowns_than_equations():
     with pytest.raises(SingularSystemError, match=r"2 unknown.* undetermined") as error:
         system.solve()
     assert set(error.value.unknowns) == {"B.x", "B.y", "B.z"}
+
+
+def test_where_whole_parts_are_loose_only_pivots_are_named(monkeypatch):
+    """Vectors of all that moves would take unknowns times pivots numbers."""
+    ids = [f"P{k}" for k in range(40)]
+
+    def error_of(numbers):
+        monkeypatch.setattr(singular, "NUMBERS", numbers)
+        system = LeastSquares()
+        points = system.add_points(ids, np.arange(120.0).reshape(40, 3) ** 1.5)
+        system.add("Dist3D", {"p1": points[:-1], "p2": points[1:]}, np.ones(39), 0.001)
+        with pytest.raises(SingularSystemError, match=r"81 unknown.* undetermined") as error:
+            system.solve()
+        return error.value
+
+    whole, brief = error_of(81 * 120), error_of(81 * 120 - 1)
+    assert whole.kernel is not None and len(whole.unknowns) > 81
+    assert brief.kernel is None and len(brief.unknowns) == brief.defect == 81
+    assert set(brief.unknowns) <= set(whole.unknowns)

@@ -10,6 +10,7 @@ import pytest
 from obseq.cli.main import main
 from obseq.errors import InputError
 from obseq.records.shown_units import ShownUnits, chosen_units
+from obseq.report.head import shares
 from obseq.report.tables import units
 from obseq.survey import Network
 
@@ -181,3 +182,7 @@ def test_adjusted_points_come_back_from_a_table_in_feet(feet, tmp_path, capsys) 
     assert network.points.coordinates[1, 0] == pytest.approx(5300 * FOOT, abs=1e-9)
     assert network.points.sigmas[2, 0] == pytest.approx(float(rows[2]["sx"]) * FOOT)
     capsys.readouterr()
+
+
+def test_shares_are_counted_by_tenths() -> None:
+    assert shares([0.0, 0.05, -0.1, 0.1, 0.95, 1.0, 1.2, None, math.nan])["values"] == [3, 1, *[0] * 7, 3]

@@ -61,6 +61,20 @@ def test_observations_of_two_equations_may_be_correlated(tmp_path):
     assert mixed.solution.variance_factor != pytest.approx(alone.solution.variance_factor, rel=1e-3)
 
 
+def test_some_observations_alone_keep_what_binds_them(tmp_path):
+    given = network(tmp_path).book
+    rows, k = np.arange(len(given.observations)) > 0, len(given.observations) - 1
+    cluster = Cluster(np.array([0, 1, k]), np.diag([1.0, 2.0, 3.0]))
+    book = replace(given, clusters=(cluster,)).only(rows)
+    assert [book.label(row) for row in range(k)] == [given.label(row) for row in range(1, k + 1)]
+    assert book.observations.values.tolist() == given.observations.values[1:].tolist()
+    for station in range(len(book.stations)):
+        members = given.stations.observations(station)
+        assert book.stations.observations(station).tolist() == [m - 1 for m in members.tolist() if m]
+    (left,) = book.clusters
+    assert left.rows.tolist() == [0, k - 1] and np.diag(left.covariance).tolist() == [2.0, 3.0]
+
+
 EVERY = [
     "type;from;to;backsight;value;sigma;unit;set;orientation;instrument;relative_sigma;from_height;to_height;active",
     "Hz;A;B;;0;0.001;gon;1;;TS 15;;1.5;1.6;",

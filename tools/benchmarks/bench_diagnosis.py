@@ -51,8 +51,8 @@ from diagnosis_verdicts import RIGHT, Found, has_cause, verdict_of
 from obseq.errors import ObseqError, SingularSystemError
 from obseq.formats.blocks.tables import BlockFiles
 from obseq.images import BundleAdjustment
-from obseq.images.causes.diagnosing import diagnosed
-from obseq.images.causes.refusals import explained
+from obseq.images.diagnosing.diagnosis import diagnosed
+from obseq.images.diagnosing.refusals import explained
 from obseq.images.output.record import record_of
 from obseq.survey import Network
 

@@ -90,10 +90,8 @@ class Search(Generic[Place]):
                 return judged(self._model, best, "")
         robust = self._robust(())
         self._places = [(robust, True), (solution, False)]
-        if robust is None:
-            return None
-        self.count = self._too_many(robust)
-        if self.count:
+        self.count = 0 if robust is None else self._too_many(robust)
+        if robust is None or self.count:
             return None
         self._from_next()
         best = self._best
@@ -132,7 +130,8 @@ class Search(Generic[Place]):
     def _of_nothing(self, solution: Place) -> Verdict | None:
         """That a solution shows nothing, or nothing that has a name; else None."""
         tests = self._tests(solution)
-        told = np.flatnonzero(np.isfinite(gains(tests, tests.tests(tests.given(()), blocks=False)))).tolist()
+        gained = gains(tests, tests.tests(tests.given(()), blocks=False))
+        told = np.flatnonzero(np.isfinite(gained)).tolist()
         is_accepted = tests.cost <= accepted(tests.linear.redundancy, self._policy)
         if is_accepted and all(tests.is_small(i, [i]) for i in told):
             return judged(self._model, Explanation(0.0, tests, tuple(select(tests)), solution), "")

@@ -84,7 +84,7 @@ class LinearTests:
         self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
         self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
-        self._is_screened, self._still = linear.n > policy.large, policy.held_down
+        self._is_screened, self._still = linear.n > policy.large, 2 * [policy.held_down]
         counts = Counter(hypotheses.q[~hypotheses.is_block].tolist())
         tests = tuple((int(q), int(float(f"{n:.1e}"))) for q, n in sorted(counts.items()))
         self.level = _level(policy.false_alarm, policy.power, tests)
@@ -132,10 +132,9 @@ class LinearTests:
     def _weigh_sets(self, shown: FloatArray) -> None:
         """Works out M of the sets of columns that are wanted and not known yet."""
         for _, columns, grams in self._sets:
-            wanted = np.isnan(grams[:, 0, 0])
-            if self._is_screened:
-                wanted &= self._asks(shown)[columns].any(axis=1)
-            for part in _parts(np.flatnonzero(wanted), CHUNK):
+            wanted = np.flatnonzero(np.isnan(grams[:, 0, 0]))
+            wanted = self._worst(wanted, columns[wanted], shown)
+            for part in _parts(wanted, CHUNK):
                 grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property
@@ -160,26 +159,25 @@ class LinearTests:
     def _apart(self) -> FloatArray:
         return self._columns.weights_apart(self.linear)
 
-    def _asks(self, shown: FloatArray) -> BoolArray:
-        """(k,) columns whose test, its equations taken apart, asks for its M."""
-        return np.asarray(shown**2 > self.policy.screen**2 * self._apart)
-
     def _weigh(self, shown: FloatArray) -> None:
         """Works out M of the columns that are wanted and not known yet."""
-        wanted = np.isnan(self._weight)
-        if self._is_screened:
-            wanted &= self._asks(shown)
-        chosen = self._worst(np.flatnonzero(wanted), shown)
+        wanted = np.flatnonzero(np.isnan(self._weight))
+        chosen = self._worst(wanted, wanted[:, None], shown)
         if len(chosen):
             self._weight[chosen] = 1.0 - self._columns.lost(self.linear, chosen)
 
-    def _worst(self, wanted: IntArray, shown: FloatArray) -> IntArray:
-        """As many columns as are still solved for at this place, the worst first where more ask."""
+    def _worst(self, which: IntArray, columns: IntArray, shown: FloatArray) -> IntArray:
+        """Those of some columns, or sets of them (m, q), that are solved for at this place.
+
+        Of a large model only where a test, its equations taken apart, asks for it; the worst where many do.
+        """
         if not self._is_screened:
-            return wanted
-        apart = shown[wanted] ** 2 / self._apart[wanted].clip(_TINY)
-        chosen = wanted[np.argsort(-apart, kind="stable")[: self._still]]
-        self._still -= len(chosen)
+            return which
+        is_set = int(columns.shape[1] > 1)
+        apart = np.max(shown[columns] ** 2 / self._apart[columns].clip(_TINY), axis=1)
+        order = np.argsort(-apart, kind="stable")[: self._still[is_set]]
+        chosen: IntArray = which[order[apart[order] > self.policy.screen**2]]
+        self._still[is_set] -= len(chosen)
         return chosen
 
     def _solve_for(self, columns: IntArray) -> None:

@@ -35,8 +35,8 @@ class Policy:
         most: Errors that are told one by one.
         begun: Suspects from which backward elimination starts, the worst of them.
         held_down: Errors that are told where robust weights hold them down: so many cost ten adjustments.
-            And columns of a large model that are solved for at one place, the worst of those that pass the
-            screen: more pass only where nearly everything contradicts, or of 400,000.
+            And columns of a large model, and sets of columns, that are solved for at one place, the worst
+            of those that pass the screen: more pass only where nearly everything contradicts, or of 400,000.
         exchanges: Exchanges of one hypothesis for another at most: masked pairs take one or two.
         rounds: Linearisations at most, for one explanation.
         trials: Changes, or starts without one row, that are adjusted anew.

@@ -17,8 +17,8 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.images.adjusted import AdjustedBlock
 from obseq.images.adjustment.adjustable import AdjustableBlock
-from obseq.images.causes.diagnosing import diagnosed, silent
-from obseq.images.causes.refusals import explained
+from obseq.images.diagnosing.diagnosis import diagnosed, silent
+from obseq.images.diagnosing.refusals import explained
 from obseq.leastsquares import Blocks
 from obseq.leastsquares.problem.losses import named_loss
 

@@ -6,7 +6,7 @@ import functools
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.images.causes.refusals import unplaced_error
+from obseq.images.diagnosing.refusals import unplaced_error
 from obseq.images.initial.distribution import check_places
 from obseq.images.initial.growth import place_images, place_the_last
 from obseq.images.measures import ImagePoints

@@ -15,9 +15,9 @@ from obseq.diagnosis.linear import linearised, with_priors
 from obseq.diagnosis.policy import LOSSES, NO_WEIGHT
 from obseq.errors import ObseqError
 from obseq.images.adjustment.surveys import follower
-from obseq.images.causes.model import DAMPED, ITERATIONS, NEAR, STAGES, TOLERANCE, Place
 from obseq.images.causes.other_observation import OTHER
 from obseq.images.causes.survey_equations import SurveyEquations
+from obseq.images.diagnosing.model import DAMPED, ITERATIONS, NEAR, STAGES, TOLERANCE, Place
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord, SuspectRecord
 from obseq.survey.causes.catalogue import RARITY
 

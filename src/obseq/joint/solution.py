@@ -12,7 +12,7 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.images.adjusted import AdjustedBlock
 from obseq.images.adjustment.solution import BundleSolution
-from obseq.images.causes.diagnosing import single_errors
+from obseq.images.diagnosing.diagnosis import single_errors
 from obseq.joint.causes import diagnosis_of
 from obseq.joint.named import KNOWN_AS
 from obseq.leastsquares import reliability

@@ -40,7 +40,7 @@ from obseq.survey.sights.graph_building import Graphs
 
 if TYPE_CHECKING:
     from obseq.diagnosis.policy import Policy
-    from obseq.leastsquares import Blocks, LeastSquaresResult
+    from obseq.leastsquares import Blocks
     from obseq.report.tables.units import Units
     from obseq.stopwatch import Progress
     from obseq.survey.adjustment.adjusted import Adjustment
@@ -248,9 +248,12 @@ class Fieldwork:
         Plumb(self.frame, given.points).check(given.book, given.initial.orientations)
         is_snooped = computation.quality.snooping is not None
         first = computation.plain() if is_snooped else computation
-        found = self._computed_somehow(given, equations, first, boundary, strict=strict)
+        model = self._model(given, computation.blocks)
+        found = self._computed_somehow(model, equations, first, boundary, strict=strict)
         with computation.watch.phase("diagnosis"):
-            model = self._model(found.start, found.solved(first.quality), computation.blocks)
+            if found.start is not given:
+                model = self._model(found.start, computation.blocks)
+            model.solved = found.solved(first.quality)
             out = self._judged(model, computation, boundary)
         diagnosis = out.diagnosis
         if strict and diagnosis.accused:
@@ -267,25 +270,28 @@ class Fieldwork:
 
     def _computed_somehow(
         self,
-        given: Determined,
+        model: NetworkModel,
         equations: Equations,
         computation: Computation,
         boundary: Boundary,
         *,
         strict: bool,
     ) -> Computed:
-        """The adjustment from the initial values; where that fails, from where a robust estimate leads."""
+        """The adjustment from the initial values; where that fails, from where a robust estimate leads.
+
+        Where this contradicts most of what is given, no adjustment from there is looked for.
+        """
         failed: ObseqError | None = None
         found: Computed | None = None
         try:
-            found = computation.computed(given, equations, strict=strict)
+            found = computation.computed(model.as_given, equations, strict=strict)
         except ObseqError as error:
             failed = error
         if found is not None and _is_sound(found):
             return found
-        model = self._model(given, None, computation.blocks)
         with computation.watch.phase("diagnosis"):
-            start = boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
+            is_hopeless = found is not None and boundary.attempt(_DIAGNOSIS, model.is_contradicted, False)
+            start = None if is_hopeless else boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
         if start is not None:
             try:
                 again = computation.computed(start, strict=strict)
@@ -313,15 +319,10 @@ class Fieldwork:
 
         return record_of(model, self.units, begun, policy, told)
 
-    def _model(
-        self,
-        given: Determined,
-        solved: tuple[Equations, LeastSquaresResult] | None,
-        blocks: Blocks | None,
-    ) -> NetworkModel:
+    def _model(self, given: Determined, blocks: Blocks | None) -> NetworkModel:
         """A network as its diagnosis sees it."""
         make = partial(equations_of, self.frame, self.point_system, blocks=blocks)
-        return NetworkModel(make, given, solved, (self.units, self.point_system))
+        return NetworkModel(make, given, (self.units, self.point_system))
 
     def _judged(self, model: NetworkModel, computation: Computation, boundary: Boundary) -> Snooped:
         """What is wrong with an adjustment, undecided where that fails; what snooping leaves out of it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -265,6 +265,18 @@ class FieldBook:
         """The same with some more observations (a mask) switched off."""
         observations = replace(self.observations, active=self.observations.active & ~rows)
         return replace(self, observations=observations)
+
+    def only(self, rows: BoolArray) -> FieldBook:
+        """Some of its observations (a mask) alone, and the members of its stations among them."""
+        columns = {entry.name: getattr(self.observations, entry.name)[rows] for entry in fields(Observations)}
+        starts, members = group_by_station(columns["stations"], len(self.stations))
+        numbers, left = np.cumsum(rows) - 1, [cluster.among(rows) for cluster in self.clusters]
+        return replace(
+            self,
+            observations=Observations(**columns),
+            stations=replace(self.stations, starts=starts, members=members),
+            clusters=tuple(replace(one, rows=numbers[one.rows]) for one in left if len(one.rows)),
+        )
 
     def warned(self, *sentences: str) -> FieldBook:
         """The same with more warnings."""

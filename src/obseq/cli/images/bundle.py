@@ -172,7 +172,7 @@ def _adjusted(arguments: argparse.Namespace) -> int:
     with Progress("loading") as progress:
         watch = Stopwatch(progress)
         with watch.phase("load"):
-            from obseq.images.causes.refusals import explained
+            from obseq.images.diagnosing.refusals import explained
             from obseq.images.output.overview import overview
 
         with watch.phase("read"), watch.counted("read"):
@@ -207,7 +207,7 @@ def _reported(
     read: str,
 ) -> tuple[BundleRecord, list[Path]]:
     """The record of a solution, and its files, when they are written."""
-    from obseq.images.causes.diagnosing import diagnosed
+    from obseq.images.diagnosing.diagnosis import diagnosed
     from obseq.images.output.record import record_of
 
     boundary = Boundary()
@@ -243,7 +243,7 @@ def _without_accused(
     options: Options,
 ) -> int:
     """Adjusts again without what is accused; where there is no such adjustment, says why."""
-    from obseq.images.causes.without_accused import without_accused
+    from obseq.images.diagnosing.without_accused import without_accused
 
     places = _second(outputs)
     none = {writer.option.replace("-", "_"): None for writer in WRITERS}

@@ -65,8 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     detail = detail_of(arguments, "block")
     with Progress("reading") as progress:
         watch = Stopwatch(progress)
-        from obseq.images.causes.diagnosing import diagnosed
-        from obseq.images.causes.refusals import explained
+        from obseq.images.diagnosing.diagnosis import diagnosed
+        from obseq.images.diagnosing.refusals import explained
         from obseq.images.output.clouds import ply
         from obseq.images.output.page import outcome, page
         from obseq.images.output.record import record_of

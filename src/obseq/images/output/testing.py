@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.causes.largest_tests import LargestTestsRecord, largest_tests
+from obseq.images.diagnosing.largest_tests import LargestTestsRecord, largest_tests
 from obseq.records.record import Record
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ import numpy as np
 
 from obseq.errors import UNRESOLVED, SingularSystemError
 from obseq.leastsquares.diagnosis.null_space import TAKES_PART, free_movements
+from obseq.leastsquares.solvers.base import NUMBERS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,6 +39,8 @@ def singular_error(
     lost = solver.defect().indices
     if not lost.size:
         return SingularSystemError(UNRESOLVED)
+    if lost.size * pattern.n > NUMBERS:
+        return _lost_error(table.component_names(free.scalars[lost]))
     return undetermined_error(table, free, pattern, solver.null_vectors(), lost)
 
 
@@ -61,7 +64,7 @@ def undetermined_error(
     held = moving if pivots is None else pivots
     involved, named = (table.component_names(free.scalars[numbers]) for numbers in (moving, held))
     defect = kernel.shape[1] if pivots is None else len(pivots)
-    message = f"the observations leave {len(named)} unknown(s) undetermined: {_listed(named)}"
+    message = _undetermined(named)
     if len(involved) > len(named):
         message += f" (undetermined together with {len(involved)} in all: {_listed(involved)})"
     meaning = free_movements(table, free, pattern, kernel)
@@ -72,6 +75,15 @@ def undetermined_error(
         return SingularSystemError(message, named, defect)
     movements = {table.names[point]: text for text, points in meaning.items() for point in points.tolist()}
     return SingularSystemError(message, involved, defect, kernel[moving], movements)
+
+
+def _lost_error(names: tuple[str, ...]) -> SingularSystemError:
+    """The error where whole parts have come loose: vectors of all that moves are not worth their room."""
+    return SingularSystemError(f"{_undetermined(names)}: {REMEDY}", names, len(names))
+
+
+def _undetermined(names: tuple[str, ...]) -> str:
+    return f"the observations leave {len(names)} unknown(s) undetermined: {_listed(names)}"
 
 
 def eliminated_error(table: UnknownTable, scalar: int) -> SingularSystemError:

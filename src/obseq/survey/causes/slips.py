@@ -63,7 +63,7 @@ class Evidence:
 
 def slips_of(named: Named, change: Change, evidence: Evidence) -> tuple[Slip, ...]:
     """The slips behind one error, the likeliest first."""
-    found = _FINDERS.get(named.code)
+    found = FINDERS.get(named.code)
     return tuple(sorted(found(named, change, evidence), key=lambda one: one.misfit)) if found else ()
 
 
@@ -211,7 +211,7 @@ def _of_plan(named: Named, change: Change, evidence: Evidence) -> Iterator[Slip]
         yield Slip("W133", f"these are the coordinates of {points.names[other]}", 0.0, is_strong=True)
 
 
-_FINDERS = {
+FINDERS = {
     ROW: _of_row,
     KNOWN: _of_known,
     KNOWN_PLAN: _of_plan,
@@ -225,3 +225,4 @@ _FINDERS = {
     SCALE.code: _of_scale,
     LEVEL_SCALE.code: _of_scale,
 }
+"""What finds the slips of a hypothesis, by its code."""

@@ -81,6 +81,7 @@ class NetworkModel:
     Attributes:
         given: The network, held coordinates with a sigma.
         as_given: The network as it is.
+        solved: Its equations and their solution with covariances; None where there is none.
         catalogue: What may be wrong.
     """
 
@@ -88,7 +89,6 @@ class NetworkModel:
         self,
         make: Callable[[Determined], Equations],
         given: Determined,
-        solved: tuple[Equations, LeastSquaresResult] | None,
         written: tuple[Units, PointSystem],
     ) -> None:
         """Takes a network.
@@ -96,11 +96,11 @@ class NetworkModel:
         Args:
             make: A network with its initial values -> its equations.
             given: The network, where its iterations start.
-            solved: Its equations and their solution with covariances; None where there is none.
             written: Units of values, and the system of coordinates, in which they were written.
         """
         self._make, self._equations = make, KeptEquations(make)
-        self._solved, self._written = solved, written
+        self.solved: tuple[Equations, LeastSquaresResult] | None = None
+        self._written = written
         self._evidence: tuple[Place, Evidence] | None = None
         points = doubted(given.points, given.book)
         self._is_as_given, self.as_given = points is given.points, given
@@ -110,7 +110,7 @@ class NetworkModel:
     @cached_property
     def catalogue(self) -> Catalogue:
         """What may be wrong."""
-        equations = self._solved[0] if self._solved and self._is_as_given else self._equations(self.given)
+        equations = self.solved[0] if self.solved and self._is_as_given else self._equations(self.given)
         return Catalogue(self.notes, equations)
 
     @property
@@ -121,9 +121,9 @@ class NetworkModel:
     @cached_property
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended."""
-        if self._solved is None or not self._solved[1].converged:
+        if self.solved is None or not self.solved[1].converged:
             return None
-        equations, result = self._solved
+        equations, result = self.solved
         rotations = equations.instruments.rotations(result)
         place = Place(result.values(equations.points), rotations, result.state)
         return place if self._is_as_given else self.adjusted(place, ())[0]
@@ -146,7 +146,7 @@ class NetworkModel:
 
     def like(self, given: Determined) -> NetworkModel:
         """The model of a network like this one, such as that without a mistake: it shares the equations."""
-        other = NetworkModel(self._make, given, None, self._written)
+        other = NetworkModel(self._make, given, self._written)
         other._equations = self._equations
         return other
 
@@ -177,8 +177,8 @@ class NetworkModel:
 
     def linearised(self, place: Place, applied: Sequence[Change]) -> tuple[Linear, Columns]:
         """All equations as they are given, at a place; heights that are applied, in the geometry."""
-        if not applied and place is self._solution and self._is_as_given and self._solved is not None:
-            equations, result = self._solved
+        if not applied and place is self._solution and self._is_as_given and self.solved is not None:
+            equations, result = self.solved
             book = self.given.book
         else:
             heights = self._corrected([one for one in applied if self._is_height(one)])
@@ -248,6 +248,10 @@ class NetworkModel:
         )
         squares = np.square(np.minimum(np.append(own, off), _ENDLESS))
         return float(np.sum(squares / (1.0 + squares))), own > 1.0, off > 1.0
+
+    def is_contradicted(self) -> bool:
+        """Whether the robust place contradicts most observations: then no right ones hold it anywhere."""
+        return bool(self.contradictions(self.robust())[1].mean() > POLICY.half)
 
     def _at(self, given: Determined, place: Place) -> Equations:
         """The equations of a network, its unknowns at a place."""

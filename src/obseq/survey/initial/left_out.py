@@ -76,12 +76,12 @@ def leave_out(given: Determined, undetermined: Sequence[Unplaced]) -> Determined
 
 
 def part_of(points: Points, book: FieldBook, kept: BoolArray) -> tuple[Points, FieldBook]:
-    """Some of the points (a mask), as if they were not correlated, and the observations between them."""
-    bad_stations = ~kept[book.stations.origins]
-    active = _still_active(book, ~kept, bad_stations)
-    stations = _used_stations(book, active)
+    """Some of the points (a mask), as if they were not correlated, and nothing but what joins them."""
+    active = _still_active(book, ~kept, ~kept[book.stations.origins])
+    own = book.only(active)
     subset = replace(points.subset(np.flatnonzero(kept)), covariance=None)
-    return subset, _book_without(book, ~kept, stations, active)
+    stations = _used_stations(own, own.observations.active)
+    return subset, _book_without(own, ~kept, stations, own.observations.active)
 
 
 def in_plan(given: Determined) -> Determined:

@@ -16,16 +16,16 @@ from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
 from obseq.images.causes.given_poses import GIVEN_POSES
 from obseq.images.causes.images import IMAGE
-from obseq.images.causes.largest_tests import sizes_of_tests
-from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.pose_rewritings import compared
-from obseq.images.causes.record import record_of_fits, record_of_verdict
 from obseq.images.causes.shared import Subject
-from obseq.images.causes.starts import start_from_images, start_from_measures
-from obseq.images.causes.trials import Tries, is_good, may_be_shared, squares
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
-from obseq.images.causes.whole_images import images_off, with_images
+from obseq.images.diagnosing.largest_tests import sizes_of_tests
+from obseq.images.diagnosing.model import BlockModel
+from obseq.images.diagnosing.record import record_of_fits, record_of_verdict
+from obseq.images.diagnosing.starts import start_from_images, start_from_measures
+from obseq.images.diagnosing.trials import Tries, is_good, may_be_shared, squares
+from obseq.images.diagnosing.whole_images import images_off, with_images
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
 from obseq.leastsquares.statistics.hypothesis_tests import robust_spread
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from obseq.diagnosis.verdict import Verdict
     from obseq.images.adjustment.adjustable import AdjustableBlock
     from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.causes.trials import Fit
+    from obseq.images.diagnosing.trials import Fit
     from obseq.images.poses import Poses
 
 MANY = 3

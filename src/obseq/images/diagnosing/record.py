@@ -23,9 +23,9 @@ from obseq.records.diagnosis import (
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.diagnosis.verdict import Accusation, Verdict
-    from obseq.images.causes.catalogue import Catalogue, Named
     from obseq.images.causes.survey_equations import SurveyEquation
-    from obseq.images.causes.trials import Fit
+    from obseq.images.diagnosing.catalogue import Catalogue, Named
+    from obseq.images.diagnosing.trials import Fit
 
 MOST_NAMED = 3
 """Places that are listed by name; of more, how many they are."""

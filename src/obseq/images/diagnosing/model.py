@@ -14,8 +14,8 @@ from obseq.diagnosis.policy import LOSSES, NO_WEIGHT, POLICY
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
 from obseq.images.causes.cameras import HELD_PARAMETER
-from obseq.images.causes.catalogue import Catalogue
 from obseq.images.causes.evidence import Evidence
+from obseq.images.diagnosing.catalogue import Catalogue
 from obseq.images.initial.rough import ROUGH
 
 if TYPE_CHECKING:

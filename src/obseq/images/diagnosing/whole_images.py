@@ -21,7 +21,7 @@ from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord
 
 if TYPE_CHECKING:
     from obseq.arrays import IntArray
-    from obseq.images.causes.model import BlockModel, Place
+    from obseq.images.diagnosing.model import BlockModel, Place
 
 _HALF = 0.5
 """Share of the images that may be wrong: of more, the others might as well be."""

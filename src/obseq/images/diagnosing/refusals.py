@@ -14,15 +14,15 @@ from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.start import ContradictionError, start_of
 from obseq.images.causes.conventions import convention_of
-from obseq.images.causes.diagnosing import diagnosed, silent
 from obseq.images.causes.images import IMAGE
-from obseq.images.causes.model import BlockModel
 from obseq.images.causes.numbering import Numbering
-from obseq.images.causes.record import record_of_fits, record_of_verdict
 from obseq.images.causes.shared import Subject
-from obseq.images.causes.starts import placed_by_images
-from obseq.images.causes.trials import Tries, is_accepted
 from obseq.images.control import ControlPoints
+from obseq.images.diagnosing.diagnosis import diagnosed, silent
+from obseq.images.diagnosing.model import BlockModel
+from obseq.images.diagnosing.record import record_of_fits, record_of_verdict
+from obseq.images.diagnosing.starts import placed_by_images
+from obseq.images.diagnosing.trials import Tries, is_accepted
 from obseq.images.initial.conventions import MOST_PLACED
 from obseq.images.initial.growth import place_loosely
 from obseq.images.names import are_among
