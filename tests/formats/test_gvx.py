@@ -95,3 +95,49 @@ def test_what_is_wrong_is_told(tmp_path, change, message):
     (tmp_path / "a.gvx").write_text(text(change=change))
     with pytest.raises(InputError, match=message):
         Network.read_project(tmp_path / "a.gvx")
+
+
+def read(tmp_path, *changes, more=""):
+    found = text()
+    for old, new in changes:
+        assert old in found
+        found = found.replace(old, new)
+    (tmp_path / "a.gvx").write_text(found.replace("</GVX>", more + "</GVX>"))
+    return Network.read_project(tmp_path / "a.gvx")
+
+
+def test_points_may_be_in_degrees_and_vectors_within_their_quality(tmp_path):
+    """As the schema allows, and as the writer of the NGS has it."""
+    plain = read(tmp_path)
+    network = read(
+        tmp_path,
+        ("<GEOCENTRIC_COORDINATES>", "<GEODETIC_COORDINATES><!--"),
+        (
+            "</GEOCENTRIC_COORDINATES>",
+            "--><LATITUDE>48.8</LATITUDE><LONGITUDE>2.3</LONGITUDE>"
+            "<ELLIPSOIDAL_HEIGHT>90</ELLIPSOIDAL_HEIGHT></GEODETIC_COORDINATES>",
+        ),
+        ("<ECEF_DELTAS>", "<QUALITY_CONTROL><ECEF_DELTAS>"),
+        ("</CORRELATION_MATRIX>", "</CORRELATION_MATRIX></QUALITY_CONTROL>"),
+    )
+    place = network.given_points().coordinates[0]
+    np.testing.assert_allclose(place, (2.3, 48.8, 90.0), atol=1e-6)
+    np.testing.assert_allclose(network.book.observations.values, plain.book.observations.values)
+
+
+CROSSED = """<SESSION ID="1" TOTAL_VECTORS="2"><CROSS_CORRELATION_MATRIX ORDER="XYZ">
+<CCM_BLOCK VECTOR_ID_ROW="0" VECTOR_ID_COL="2">
+<CORRELATIONS>.1,.2,.3,.4,.1,.2,.3,.4,.1</CORRELATIONS></CCM_BLOCK>
+</CROSS_CORRELATION_MATRIX></SESSION>"""
+
+
+def test_vectors_of_a_session_are_correlated(tmp_path):
+    network = read(tmp_path, more=CROSSED)
+    together, alone = network.book.clusters
+    assert (together.covariance.shape, alone.covariance.shape) == ((6, 6), (3, 3))
+    assert together.covariance[0, 4] == pytest.approx(0.2 * SIGMAS[0] * SIGMAS[1])
+    assert together.covariance[1, 3] == pytest.approx(0.4 * SIGMAS[1] * SIGMAS[0])
+    with pytest.raises(InputError, match="nine correlations"):
+        read(tmp_path, more=CROSSED.replace(".1,.2", ".1"))
+    with pytest.raises(InputError, match="no other session"):
+        read(tmp_path, more=CROSSED.replace('COL="2"', 'COL="7"'))

@@ -14,8 +14,9 @@ of CPU seconds is that of the two.
 | missed, undecided | nothing is accused: quietly, or with the word that something is wrong |
 | refused, crash | an error that says nothing of them; of any other kind than those of the package |
 
-The rates of the present version are in `diagnosis.json`: 16 seeds of each class of networks and sites from
-9000 on, 60 of blocks from 1000 on, 2,003 of what has no error from 20000 and 30000 on.
+The rates of the present version are in `diagnosis.json`: 24 seeds of each class of networks and sites from
+9000 on, 40 of blocks from 1000 on. Of what has no error 2,003 seeds from 20000 and 30000 on, of a version
+before.
 
 Example:
     python tools/benchmarks/bench_diagnosis.py --first 1000 --json tools/benchmarks/diagnosis.json

@@ -90,7 +90,10 @@ class Search(Generic[Place]):
                 return judged(self._model, best, "")
         robust = self._robust(())
         self._places = [(robust, True), (solution, False)]
-        self.count = 0 if robust is None else self._too_many(robust)
+        try:
+            self.count = 0 if robust is None else self._too_many(robust)
+        except ObseqError:  # nothing can be tested where all determines too little
+            return None
         if robust is None or self.count:
             return None
         self._from_next()

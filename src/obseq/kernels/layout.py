@@ -5,8 +5,13 @@ from typing import NamedTuple
 LANES = 32
 """Observations in a tile: one per lane."""
 
-STRIDE = 40
-"""Doubles from one row of a tile to the next: LANES padded away from powers of two (cache conflicts)."""
+STRIDE = 72
+"""Doubles from one row of a tile to the next: LANES padded away from powers of two (cache conflicts).
+
+Processors hold back a read whose address has the last twelve bits of what was just written. Lanes to come
+have those of what is 43, 50 and 57 rows before, far enough; with 40 it was 13, 26 and 39, and small kernels
+took up to 2.8 times as long, depending on where their tiles lay.
+"""
 
 
 class Block(NamedTuple):

@@ -1,8 +1,9 @@
 """GNSS vectors as GVX 1.0 (GNSS Vector Exchange, of the US National Geodetic Survey).
 
-Vectors go from mark to mark along geocentric axes, with standard deviations and correlations. Points that
-have the same name are one: a file has one for each occupation. No point is known: known ones come in a file
-of their own, in the reference system of the points.
+Vectors go from mark to mark along geocentric axes, with standard deviations and correlations; those of a
+session may be correlated, and are adjusted together then. Points that have the same name are one: a file has
+one for each occupation. No point is known: known ones come in a file of their own, in the reference system of
+the points.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from obseq.formats.dynadjust.reader import Content, network_of
 from obseq.formats.dynadjust.records import Header, MeasurementRecord, Member, Place, StationRecord
+from obseq.formats.dynadjust.stations import DEGREES
 from obseq.reading.text import quoted
 from obseq.reading.xml import Element, read_xml
 
@@ -73,34 +75,70 @@ class _File:
         self.epoch = epochs.pop() if len(epochs) == 1 else math.nan
 
     def stations(self) -> Iterator[StationRecord]:
-        """The points, free, at their geocentric coordinates."""
+        """The points, free, at their geocentric coordinates, or those in degrees where these are missing."""
         for point in self._points.values():
-            place = point.inside("COORDINATES").inside("GEOCENTRIC_COORDINATES")
-            x, y, z = (place.numeric(axis) for axis in "XYZ")
-            yield StationRecord(_name(point), FREE, "XYZ", (x, y, z), "", "", Place.of(point))
+            place = point.inside("COORDINATES")
+            axes, system = place.first("GEOCENTRIC_COORDINATES"), "XYZ"
+            names: tuple[str, ...] = ("X", "Y", "Z")
+            if axes is None or not axes.content("X", ""):
+                axes, system = place.inside("GEODETIC_COORDINATES"), DEGREES
+                names = ("LONGITUDE", "LATITUDE", "ELLIPSOIDAL_HEIGHT")
+            x, y, z = (axes.numeric(name) for name in names)
+            yield StationRecord(_name(point), FREE, system, (x, y, z), "", "", Place.of(point))
 
     def vectors(self) -> Iterator[MeasurementRecord]:
-        """The vectors, each with its covariance."""
-        for element in self.root.named("GNSS_VECTOR"):
-            names = tuple(self._end(element, f"{end}_POINT_ID") for end in ("INITIAL", "TERMINAL"))
-            deltas = element.inside("ECEF_DELTAS")
-            values = tuple(deltas.numeric(axis) for axis in DELTAS)
-            covariance = _covariance(element.inside("CORRELATION_MATRIX"))
-            member = Member(names, values, math.nan, covariance, (), True, Place.of(element))
-            yield MeasurementRecord(
-                "G",
-                True,
-                names,
-                members=(member,),
-                header=Header(self.frame, self.epoch),
-                place=Place.of(element),
-            )
+        """The vectors: those of a session together, the others each with its covariance."""
+        members = {e.content("ID"): self._member(e) for e in self.root.named("GNSS_VECTOR")}
+        for session in self.root.named("SESSION"):
+            yield self._record(_joined(session, members))
+        for member in members.values():
+            yield self._record((member,))
+
+    def _record(self, members: tuple[Member, ...]) -> MeasurementRecord:
+        code, names, place = "G" if len(members) == 1 else "X", members[0].names, members[0].place
+        header = Header(self.frame, self.epoch)
+        return MeasurementRecord(code, True, names, members=members, header=header, place=place)
+
+    def _member(self, element: Element) -> Member:
+        names = tuple(self._end(element, f"{end}_POINT_ID") for end in ("INITIAL", "TERMINAL"))
+        outer = element if element.first("ECEF_DELTAS") is not None else element.inside("QUALITY_CONTROL")
+        deltas = outer.inside("ECEF_DELTAS")  # the writer of the NGS has both within the quality
+        values = tuple(deltas.numeric(axis) for axis in DELTAS)
+        covariance = _covariance(outer.inside("CORRELATION_MATRIX"))
+        return Member(names, values, math.nan, covariance, (), True, Place.of(element))
 
     def _end(self, element: Element, which: str) -> str:
         found = self._points.get(element.content(which))
         if found is None:
             raise element.problem(f"{which} {quoted(element.content(which))!r} is no POINT of the file")
         return _name(found)
+
+
+def _joined(session: Element, members: dict[str, Member]) -> tuple[Member, ...]:
+    """The vectors of a session, which are taken from the others, with their covariances."""
+    matrix = session.inside("CROSS_CORRELATION_MATRIX")
+    if (matrix.get("ORDER") or "XYZ").upper() != "XYZ":
+        raise matrix.problem(f"ORDER {quoted(matrix.get('ORDER') or '')!r}: only XYZ is read")
+    blocks: dict[tuple[str, str], FloatArray] = {}
+    for block in matrix.named("CCM_BLOCK"):
+        row, column = (block.wanted(f"VECTOR_ID_{which}") for which in ("ROW", "COL"))
+        texts = block.content("CORRELATIONS").replace(",", " ").split()
+        if len(texts) != 9 or row == column or not {row, column} <= members.keys():
+            raise block.problem("nine correlations of two vectors, each of no other session, are expected")
+        found = np.array([block.parsed(text, "CORRELATIONS") for text in texts]).reshape(3, 3)
+        blocks[row, column], blocks[column, row] = found, found.T
+    chosen = [key for key in members if any(key in pair for pair in blocks)]
+    taken = [members.pop(key) for key in chosen]
+    sigmas = [np.sqrt(np.diag(member.covariance)) for member in taken if member.covariance is not None]
+    for k, key in enumerate(chosen):
+        later = [(blocks.get((key, other)), n) for n, other in enumerate(chosen) if n > k]
+        if any(found is None for found, _ in later):
+            raise matrix.problem("a block is missing: each two of its vectors need one")
+        crossed = (found * np.outer(sigmas[k], sigmas[n]) for found, n in later if found is not None)
+        taken[k] = taken[k]._replace(crossed=tuple(crossed))
+    if not taken:
+        raise matrix.problem("no CCM_BLOCK is in it")
+    return tuple(taken)
 
 
 def _name(point: Element) -> str:

@@ -86,11 +86,10 @@ def linear_rows(tile: FloatArray, n_unknowns: int) -> None:
     coefficient, residual = U(n_unknowns) * ROW, U(2 * n_unknowns + 1) * ROW
     for lane in range(LANES):
         tile[residual + U(lane)] = -tile[residual - ROW + U(lane)]
-    for k in range(n_unknowns * STRIDE):
-        tile[residual + ROW + U(k)] = tile[coefficient + U(k)]
     for u in range(n_unknowns):
         for lane in range(LANES):
             at = U(u) * ROW + U(lane)
+            tile[residual + ROW + at] = tile[coefficient + at]
             tile[residual + U(lane)] += tile[at] * tile[coefficient + at]
 
 
