@@ -8,8 +8,9 @@ import pytest
 import scenes
 from accused import codes, diagnosis, said
 
-from obseq.errors import InputError
-from obseq.images import BundleAdjustment, ImagePoints
+from obseq.errors import InputError, ObseqError
+from obseq.images import BundleAdjustment, ControlPoints, ImagePoints
+from obseq.images.causes.axes import with_exchanged_axes
 from obseq.images.causes.shared import SharedCause, Told
 from obseq.images.diagnosing import trials
 from obseq.images.diagnosing.trials import Tries, due_for_missing
@@ -225,3 +226,54 @@ def test_image_points_that_an_explanation_leaves_out_are_paid_for_as_errors():
     kept = ~few[residuals.row]
     object.__setattr__(less, "residuals", replace(residuals, point=residuals.point[kept]))
     assert due_for_missing(less) / np.count_nonzero(few) > 10.0
+
+
+@pytest.mark.parametrize("sign", ["x", "lines"])
+def test_the_one_point_off_the_plane_of_the_others_is_not_accused_alone_where_a_mirror_image_fits(sign):
+    """Control on a plane but for P3, whose sign explains all: nothing tells that from mirrored axes."""
+    rng = np.random.default_rng(23)
+    points = np.column_stack([rng.uniform(-2.0, 2.0, (14, 2)), np.zeros(14)])
+    points[[3, 9, 11], 2] = 0.6, -0.5, 0.7
+    names, true = [f"P{k}" for k in range(14)], scenes.ring(5)[0]
+    block = BundleAdjustment()
+    block.add_cameras(scenes.CAMERA)
+    block.freeze_parameters()
+    block.add_images(dict.fromkeys(true.images, "c"), "c")
+    block.add_control_points(ControlPoints.of(names[:7], points[:7], 0.002))
+    block.add_measures(scenes.measured(true, points, names, 0.3, seed=24))
+    if sign == "lines":
+        _upwards(block)
+    else:
+        block.control = with_exchanged_axes(block.control)
+    (one,) = diagnosis(block).accused
+    told = [one.what, *(other.what for other in one.others)]
+    assert any(what.startswith("the lines of all images were counted upwards") for what in told)
+    assert any("x and y of the control points are exchanged" in what for what in told)
+    assert any("their heights count downwards" in what for what in told)
+    assert "z of control point P3" in told
+
+
+def test_two_measures_outside_are_told_from_exchanged_axes_by_how_likely_all_others_fit_exchanged():
+    block = BundleAdjustment()
+    block.add_cameras(scenes.CAMERA)
+    block.add_poses(["a"], [[0.0, 0.0, 9.0]], [[0.0, 0.0, 0.0]], form="opk")
+    rng, names = np.random.default_rng(5), [str(k) for k in range(60)]
+    xy = rng.uniform([0.0, 0.0], [1490.0, 1490.0], (60, 2))
+    xy[:2, 1] = 1600.0, 1700.0
+    with pytest.raises(InputError, match=r"2 measures are\); with x and y exchanged all are inside"):
+        block.add_measures(ImagePoints.of(["a"] * 60, names, xy))
+    xy[5] = 1900.0, 300.0
+    with pytest.raises(InputError, match="correct them, or delete their lines"):
+        block.add_measures(ImagePoints.of(["a"] * 60, names, xy))
+
+
+@pytest.mark.parametrize("is_placed", [True, False])
+def test_a_sigma_that_hides_all_others_is_named(is_placed):
+    block = _block(n_images=4, n_points=12)
+    if not is_placed:
+        block.poses = block.poses.select([])
+    (part,) = block.sets
+    part.measures.sigmas[5] = 1e-13
+    with pytest.raises(ObseqError, match="image i0, point P5: a sigma of 1e-13 pixels hides what the others"):
+        block.initialise()
+        block.solve()

@@ -1,12 +1,16 @@
 """Survey observations and images in one system."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
+from accused import diagnosis
 
 from obseq.errors import InputError
 from obseq.images import BundleAdjustment, ControlPoints
 from obseq.survey import Network
+from obseq.survey.kinds.registry import IS_ANGLE
 
 SIGMA = 0.0002
 
@@ -141,3 +145,15 @@ def test_a_camera_without_an_image_is_told(tmp_path):
     block.add_survey(network)
     with pytest.raises(InputError, match=r"station nobody is a camera \(#CAM\), but no image is called so"):
         block.solve()
+
+
+@pytest.mark.slow
+def test_angles_of_a_survey_that_were_written_in_degrees_are_named_and_nothing_is_listed(survey):
+    block, _, truth = scenes.block(n_images=5, n_points=14, n_control=6, seed=9)
+    block.freeze_parameters("K.|p.|b.")
+    network = survey(truth, targets=[f"P{k}" for k in range(4, 12)])
+    book, rows = network.book, network.book.observations
+    values = np.where(IS_ANGLE[rows.types], 0.9 * rows.values, rows.values)
+    block.add_survey(replace(network, book=replace(book, observations=replace(rows, values=values))))
+    (one,) = diagnosis(block).accused
+    assert one.code == "S200" and "degrees read as gon" in one.text

@@ -35,6 +35,11 @@ def _filled(folder, **changed):
             "A.JPG,P,1,1\n",
             "measures.csv:5: image points: image 'A.JPG' is not known ('a' is: names",
         ),
+        (
+            "measures",
+            "D:\\flight\\A.JPG,P,1,1\n",
+            "is not known ('a' is: names count with folder, case and ending)",
+        ),
         ("measures", "b,Q,-900,1\n", "an origin in the middle of the image add half of its width"),
         ("measures", "b,Q,1e999,1\n", "measures.csv:5: x is '1e999', which is no finite number"),
         ("control", "P,0,0,0,0.01\n", "control.csv:4: control point 'P' is given twice"),

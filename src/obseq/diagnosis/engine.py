@@ -123,10 +123,8 @@ class Search(Generic[Place]):
             place = found()
             if place is not None:
                 self._tests(place)
-        except SingularSystemError:
-            self._reason = UNDETERMINED
-            return None
-        except ObseqError:
+        except ObseqError as error:
+            self._reason = UNDETERMINED if isinstance(error, SingularSystemError) else self._reason
             return None
         return place
 

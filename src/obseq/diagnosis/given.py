@@ -31,13 +31,16 @@ class Given:
 
     def with_more(self, across: FloatArray, own: IntArray, unseen: float) -> Given:
         """The same with more columns accepted, of which C' R C with all (q, k) is known."""
-        left = across - self.basis[:, own].T @ self.basis
+        is_first = not len(self.basis)  # of a large model each copy counts
+        left = across if is_first else across - self.basis[:, own].T @ self.basis
         shares, axes = np.linalg.eigh(left[:, own])
         seen = shares > unseen
         half = axes[:, seen] / np.sqrt(shares[seen])
         basis, taken = half.T @ left, half.T @ self.shown[own]
         return Given(
-            np.concatenate([self.basis, basis]), self.shown - taken @ basis, np.append(self.taken, taken)
+            basis if is_first else np.concatenate([self.basis, basis]),
+            self.shown - taken @ basis,
+            np.append(self.taken, taken),
         )
 
     def with_less(self, rest: IntArray) -> Given:

@@ -20,7 +20,7 @@ import numpy as np
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.diagnosis.columns import CHUNK, joint
+from obseq.diagnosis.columns import joint
 from obseq.diagnosis.given import Given
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
@@ -134,7 +134,7 @@ class LinearTests:
         for _, columns, grams in self._sets:
             wanted = np.flatnonzero(np.isnan(grams[:, 0, 0]))
             wanted = self._worst(wanted, columns[wanted], shown)
-            for part in _parts(wanted, CHUNK):
+            for part in _parts(wanted, self._columns.at_a_time):
                 grams[part] = self._columns.grams(self.linear, columns[part])
 
     @cached_property

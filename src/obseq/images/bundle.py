@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from obseq.errors import ObseqError, SingularSystemError
+from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end, taken_in_again
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
@@ -18,6 +18,7 @@ from obseq.images.adjustment.verdicts import (
     check_datum,
     check_scale,
     check_weights,
+    hiding_sigma,
     in_words,
 )
 from obseq.images.edited import EditedBlock
@@ -189,7 +190,12 @@ class BundleAdjustment(EditedBlock):
         waiting = waiting_images(self)
         if not waiting:
             return ()
-        self.add_poses(placed(self, causes).select(waiting))
+        try:
+            self.add_poses(placed(self, causes).select(waiting))
+        except SingularSystemError as error:
+            if hidden := hiding_sigma(self):
+                raise InputError(hidden) from error
+            raise
         return tuple(waiting)
 
 

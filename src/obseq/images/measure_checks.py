@@ -31,6 +31,8 @@ EXCHANGED = (
     "90 degrees before they were measured, exchange width and height of the camera, and turn its principal "
     "point"
 )
+CHANCE = 0.02
+"""Probability that all measures of their images, wherever these are, lie inside with x and y exchanged."""
 MANY = 0.1
 """Share of the measures outside their images that no single mistakes explain."""
 
@@ -93,11 +95,13 @@ def _are_within(xy: FloatArray, lowest: FloatArray, sizes: FloatArray) -> bool:
 
 def _convention(measures: ImagePoints, outside: int, low: FloatArray, size: FloatArray) -> str:
     """What many measures outside their images may mean."""
-    if outside < MANY * len(measures):
-        return "; correct it, or delete its line"
     exchanged = measures.xy[:, ::-1]
-    if ((exchanged >= low) & (exchanged <= size + MARGIN)).all():
+    are_inside = bool(((exchanged >= low) & (exchanged <= size + MARGIN)).all())
+    chance = (size.min(axis=1) / size.max(axis=1)).prod()
+    if are_inside and outside > 1 and (chance < CHANCE or outside >= MANY * len(measures)):
         return EXCHANGED
+    if outside < MANY * len(measures):
+        return "; correct it, or delete its line" if outside == 1 else "; correct them, or delete their lines"
     return CONVENTION
 
 

@@ -79,17 +79,18 @@ def index_of(known: Sequence[str], wanted: Sequence[str], what: str) -> IntArray
 
 
 def _alike(name: str, known: Sequence[str]) -> str:
-    """The names that one may be meant for: it may differ in case, or in the ending of a file."""
+    """The names that one may be meant for: it may differ in case, or in folder and ending of a file."""
     folded = {other.casefold(): other for other in known}
     same = [other for key, other in folded.items() if _stem(key) == _stem(name.casefold())]
     if same:
-        return f"{', '.join(map(repr, same[:3]))} is: names count with case and ending"
+        return f"{', '.join(map(repr, same[:3]))} is: names count with folder, case and ending"
     near = difflib.get_close_matches(name.casefold(), folded, n=3)
     return ", ".join(repr(folded[key]) for key in near) or "none alike"
 
 
 def _stem(name: str) -> str:
-    """A name without the ending of an image file."""
+    """A name without the folder and the ending of an image file."""
+    name = re.split(r"[\\/]", name)[-1]
     stem, dot, ending = name.rpartition(".")
     return stem if dot and ending.isalnum() and len(ending) <= LONGEST_ENDING else name
 

@@ -64,6 +64,7 @@ def put_ground(block: Block, arguments: argparse.Namespace) -> None:
     Raises:
         InputError: a table is wrong.
     """
+    from obseq.crs import area_warning, parse
     from obseq.formats.blocks.ground import (
         control_in_frame,
         frame_for,
@@ -82,6 +83,8 @@ def put_ground(block: Block, arguments: argparse.Namespace) -> None:
         for path in paths:
             control, table = control_table(path, arguments.control_sigma)
             if system:
+                outside = area_warning(parse(system), control.coordinates, control.names)
+                block.notes += [f"{path}: {outside}"] if outside else []
                 block.system = system
                 block.frame = frame_for(block, system, control.coordinates, arguments.frame)
                 control = control_in_frame(control, system, block.frame)

@@ -176,9 +176,30 @@ def _undetermined(error: SingularSystemError) -> str:
     return f"the observations do not determine {names} (rank deficiency {error.defect})"
 
 
+FINE = 1e-6
+"""Pixels: no image point is known to so little. Beside it others are lost in rounding."""
+
+
+def hiding_sigma(block: Block) -> str:
+    """The image point whose sigma is so small that no other counts, in words; empty without any."""
+    for part in block.sets:
+        sigmas = part.measures.sigmas.min(axis=1, initial=np.inf)
+        row = int(np.argmin(sigmas)) if len(sigmas) else -1
+        if row >= 0 and sigmas[row] < FINE:
+            origin = part.origin or block.origin
+            place = f"{origin.place(row)}: " if origin else ""
+            return (
+                f"{place}{part.measures.label(row)}: a sigma of {sigmas[row]:g} pixels hides what the others "
+                f"say ({np.count_nonzero(sigmas < FINE)} measures are below {FINE:g}); correct it."
+            )
+    return ""
+
+
 def _hint(equations: Equations, error: SingularSystemError) -> str:
     """What may be wrong with a block whose measures leave unknowns undetermined."""
     block, start, system = equations.block, equations.start, equations.system
+    if hidden := hiding_sigma(block):
+        return hidden
     owners = {name.rpartition(".")[0] for name in error.unknowns}
     cameras = [name for name in block.cameras if name in owners]
     counts = np.zeros(len(start.poses), dtype=np.int64)

@@ -32,6 +32,8 @@ EASTINGS = (1e5, 1e6)
 """Metres: between these are eastings of most grids, and northings above the second."""
 LIKELIER = 6.0
 """Squares by which coordinates that look like northings first speak for their exchange."""
+MIRRORED = ", or their heights count downwards, or are at the place of another coordinate"
+"""What nothing tells from x and y exchanged where no pose is known: both are one mirror image."""
 ORDERS = (
     ((1, 0, 2), "x and y", "easting comes first here"),
     ((0, 2, 1), "y and z", "z is the height here"),
@@ -89,13 +91,16 @@ def _control_axes(subject: Subject) -> Iterator[Trial]:
     control = subject.block.control
     if not len(control):
         return
-    for order, axes, here in ORDERS if len(subject.given) else ORDERS[:1]:
+    block = subject.block
+    is_placed = bool(len(subject.given) or block.pose_observations or block.antennas)
+    for order, axes, here in ORDERS if is_placed else ORDERS[:1]:
         made = _as_given(subject)
         made.control = with_exchanged_axes(control, order)
         said = f"{axes} of the control points are exchanged ({here})"
+        said += "" if is_placed else MIRRORED
         told = Told(said, likelier=LIKELIER if _are_northings_first(control) else 0.0)
         yield Trial.saying(f"{axes} of control points exchanged", told, made)
-    if len(subject.given):
+    if is_placed:
         made = _as_given(subject)
         made.control = replace(control, coordinates=control.coordinates * [1.0, 1.0, -1.0])
         said = "the heights of the control points count downwards (z goes up here)"

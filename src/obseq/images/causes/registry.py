@@ -9,6 +9,7 @@ from obseq.images.causes.given_poses import GIVEN_POSES
 from obseq.images.causes.images import CAMERA_IMAGES, IMAGE
 from obseq.images.causes.other_observation import OTHER
 from obseq.images.causes.points import CONTROL_COORDINATE, CONTROL_POINT, IMAGE_POINT
+from obseq.images.causes.survey_equations import SURVEY_VALUES
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 
 CAUSES = (
@@ -23,6 +24,7 @@ CAUSES = (
 
 SHARED = (
     UNDETERMINED_CAMERAS,
+    SURVEY_VALUES,
     UNIT_OF_CONTROL,
     CONTROL_SIGMAS,
     REDUCED_IMAGES,

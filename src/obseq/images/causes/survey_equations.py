@@ -1,14 +1,21 @@
-"""Which observation of a survey, or which known coordinate, an equation of a larger system is."""
+"""Which observation of a survey, or which known coordinate, an equation of a larger system is.
+
+And what all values of a survey beside images may be written in.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Slip
+from obseq.images.causes.shared import SharedCause, Told, Trial
 from obseq.records.shown_units import METRIC
 from obseq.report.tables.units import Units
 from obseq.survey.causes.catalogue import KNOWN, ROW
+from obseq.survey.causes.notes import Notes
+from obseq.survey.causes.rewriting import of_all_values
 from obseq.survey.causes.values import explain
 from obseq.survey.diagnosing.words import told
 from obseq.survey.equations.known_coordinates import COMPONENTS
@@ -19,6 +26,7 @@ if TYPE_CHECKING:
 
     from obseq.diagnosis.protocol import Change
     from obseq.images.adjustment.surveys import JoinedSurvey
+    from obseq.images.causes.shared import Subject
     from obseq.leastsquares import Batch
     from obseq.leastsquares.problem.priors import Prior
     from obseq.survey import Network
@@ -98,3 +106,26 @@ class SurveyEquations:
     def of(self, source: Batch | Prior, row: int) -> SurveyEquation | None:
         """That of a row of a batch; None where it is of no survey."""
         return self._of[id(source)][row] if id(source) in self._of else None
+
+
+def _trials(subject: Subject) -> Iterator[Trial]:
+    """The block with all values of a kind in a survey written anew."""
+    for k, network in enumerate(subject.block.surveys):
+        for one in of_all_values(Notes(network.points, network.book)):
+            made = subject.block.copied()
+            made.poses = subject.given
+            made.surveys[k] = replace(network, points=one.points, book=one.book)
+            said = f"{one.what} of the survey: {one.text}"
+            yield Trial.saying(said, Told(said, code=one.code), made)
+
+
+SURVEY_VALUES = SharedCause(
+    "I160",
+    "values of a survey",
+    "All values of a kind in a survey beside the images are in another unit, or counted the other way; the "
+    "code is that of the survey then (S200 to S204).",
+    "Angles in degrees in a file of gon.",
+    "Convert the values, or give their unit.",
+    4.0,
+    _trials,
+)

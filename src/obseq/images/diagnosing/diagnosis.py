@@ -6,13 +6,17 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
 from msgspec import structs
 
 from obseq.cached import cached_property
 from obseq.diagnosis.engine import Search, diagnose
+from obseq.diagnosis.judgement import MANY as MANY_ERRORS
 from obseq.diagnosis.policy import POLICY, Policy
 from obseq.diagnosis.verdict import Status
+from obseq.errors import SingularSystemError
 from obseq.images.adjustment.surveys import follower
+from obseq.images.causes.axes import CONTROL_AXES, IMAGE_AXES
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
 from obseq.images.causes.given_poses import GIVEN_POSES
 from obseq.images.causes.images import IMAGE
@@ -22,7 +26,7 @@ from obseq.images.causes.shared import Subject
 from obseq.images.causes.unit_of_control import UNIT_OF_CONTROL
 from obseq.images.diagnosing.largest_tests import sizes_of_tests
 from obseq.images.diagnosing.model import BlockModel
-from obseq.images.diagnosing.record import record_of_fits, record_of_verdict
+from obseq.images.diagnosing.record import record_of_fits, record_of_verdict, with_mirrors
 from obseq.images.diagnosing.starts import start_from_images, start_from_measures
 from obseq.images.diagnosing.trials import Tries, is_good, may_be_shared, squares
 from obseq.images.diagnosing.whole_images import images_off, with_images
@@ -69,7 +73,8 @@ def diagnosed(
     """
     block = cast("AdjustableBlock", solution.block)
     measures = sum(len(part.measures) for part in block.sets)
-    if solution.sigma0 is None or options.get("datum") == "none":
+    is_undetermined = isinstance(solution.result.weak, SingularSystemError)
+    if solution.sigma0 is None or options.get("datum") == "none" or is_undetermined:
         return None
     subject = Subject(block, given, solution)
     is_astray, redundancy = not solution.converged or is_mirrored(solution), solution.result.redundancy
@@ -95,8 +100,34 @@ def diagnosed(
             return record_of_fits(shared())
         if is_mirrored(solution):
             return DiagnosisRecord(Status.UNEXPLAINED, squares(solution), redundancy, reason=MIRRORED)
+    if is_explained and measures <= MOST_PLACED and _may_be_mirrored(block, found):
+        return with_mirrors(found, Tries(subject, told, options).best([IMAGE_AXES, CONTROL_AXES]))
     fits = Tries(subject, told, options).best([UNIT_OF_CONTROL]) if measures <= MOST_PLACED else []
-    return record_of_fits(fits) if fits and _is_cheaper(fits[0], found) else found
+    if fits and _is_cheaper(fits[0], found):
+        return record_of_fits(fits)
+    is_little = bool(found.accused) and not is_explained and may_be_shared(found.left, redundancy)
+    return _unlisted(found, solution) if is_little else found
+
+
+def _unlisted(found: DiagnosisRecord, solution: BundleSolution) -> DiagnosisRecord:
+    """What was found of a block of which it explains too little to be checked one by one."""
+    reason = "; ".join(part for part in (found.reason, MANY_ERRORS) if part)
+    return DiagnosisRecord(Status.UNEXPLAINED, squares(solution), solution.result.redundancy, reason=reason)
+
+
+def _may_be_mirrored(block: AdjustableBlock, found: DiagnosisRecord) -> bool:
+    """Whether control points alone are accused, and the others are on a plane: they tell no mirror image."""
+    accused = {point.name for one in found.accused for point in one.points}
+    if not accused or not all(one.points for one in found.accused):
+        return False
+    control = block.control
+    known = np.array([name not in accused for name in control.names])
+    known &= np.isfinite(control.sigmas).all(axis=1)
+    rest = control.coordinates[known]
+    if len(rest) < 3:
+        return True
+    thickness = float(np.linalg.svd(rest - rest.mean(axis=0), compute_uv=False)[2]) / len(rest) ** 0.5
+    return bool(thickness <= POLICY.near * np.median(control.sigmas[known]))
 
 
 def _is_cheaper(fit: Fit, found: DiagnosisRecord) -> bool:

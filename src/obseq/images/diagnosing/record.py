@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import structs
 
 from obseq.diagnosis.verdict import Status
 from obseq.images.causes.images import CAMERA_IMAGES, IMAGE
@@ -44,8 +45,9 @@ def record_of_fits(fits: list[Fit]) -> DiagnosisRecord:
     """The record of mistakes that the whole block shares; the first of several that nothing tells apart."""
     first, *others = fits
     sigma0 = first.solution.sigma0 or 0.0
-    alike = "".join(f", or {other.told.said}" for other in others)
-    said = f"{first.told.said}{alike}: so changed, sigma0 is {sigma0:.3g}"
+    said = f"{first.told.said}: so changed, sigma0 is {sigma0:.3g}"
+    if others:
+        said += f"; or {', or '.join(other.told.said for other in others)}: nothing tells them apart"
     accused = AccusedRecord(
         first.told.code or first.cause.code,
         first.told.said,
@@ -58,6 +60,24 @@ def record_of_fits(fits: list[Fit]) -> DiagnosisRecord:
     )
     status = Status.EXPLAINED if first.is_accepted else Status.UNEXPLAINED
     return DiagnosisRecord(status.value, first.left, first.solution.result.redundancy, (accused,))
+
+
+def with_mirrors(found: DiagnosisRecord, fits: list[Fit]) -> DiagnosisRecord:
+    """What is accused of a block, beside mirror images of it that fit as well.
+
+    One value with a slip has no size of its own, and costs no more than they do; others cost more.
+    """
+    if not fits:
+        return found
+    if len(found.accused) > 1 or not found.accused[0].slips:
+        return record_of_fits(fits)
+    (one,) = found.accused
+    others = tuple(
+        SuspectRecord(fit.told.code or fit.cause.code, fit.told.said, images=fit.told.images) for fit in fits
+    )
+    said = f"; or {', or '.join(other.what for other in (*one.others, *others))}: nothing tells them apart"
+    text = one.text.partition("; or ")[0] + said
+    return structs.replace(found, accused=(structs.replace(one, text=text, others=(*one.others, *others)),))
 
 
 def _accused(one: Accusation, catalogue: Catalogue) -> AccusedRecord:

@@ -25,7 +25,7 @@ UNITS = (
     (100.0, "centimetres, and the rest in metres"),
     (1.0 / 0.3048, "feet, and the rest in metres"),
     (0.3048, "metres, and the rest in feet"),
-    (0.001, "kilometres, and the rest in metres; or metres, and the rest in millimetres"),
+    (0.001, "kilometres, and the rest in metres, or metres, and the rest in millimetres"),
 )
 """How many times as large coordinates are, and the units that may be."""
 SAME, TIMES, KNOWN = 0.03, 3.0, 0.1

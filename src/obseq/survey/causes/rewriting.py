@@ -165,7 +165,7 @@ def rewritten(
     """
     known = _known(notes.points)
     worst = known[np.argsort(-off_points[known], kind="stable")][:_MOST_KNOWN]
-    values = list(_of_values(notes, SCOPES[:1], None))
+    values = list(of_all_values(notes))
     yield chain((one for one in values if one.code in _SEEN_OUTSIDE), _of_all_points(notes, system))
     yield chain((one for one in values if one.code not in _SEEN_OUTSIDE), _horizontal(notes))
     yield other_system(notes, known)
@@ -180,6 +180,11 @@ def _worst(groups: Groups, off: FloatArray) -> list[int]:
     asked, wrong = np.diff(asked), np.diff(wrong)
     found = np.flatnonzero((asked >= _LEAST) & (wrong >= POLICY.whole * asked))
     return list(map(int, found[np.argsort(-wrong[found], kind="stable")][: POLICY.trials]))
+
+
+def of_all_values(notes: Notes) -> Iterator[Rewritten]:
+    """The networks in which all values of a group of kinds are written anew."""
+    return _of_values(notes, SCOPES[:1], None)
 
 
 def _of_values(notes: Notes, scopes: tuple[Scope, ...], off: FloatArray | None) -> Iterator[Rewritten]:
