@@ -134,7 +134,8 @@ def _accusation(
     if not any(slip.is_strong for slip in slips):
         told = [(other, model.slips(other.change, found.place)) for other in found_others[1:]]
         strong = [(other, of) for other, of in told if any(slip.is_strong for slip in of)]
-        best, slips = min(strong, key=lambda one: one[1][0].misfit, default=(best, slips))
+        some = [] if slips else [(other, of) for other, of in told if of]
+        best, slips = min(strong or some, key=lambda one: one[1][0].misfit, default=(best, slips))
     limit = float(tested.limit[best.change.index])
     rest_of = tuple(one for one in found_others if one is not best)
     return Accusation(best.change, best.test, limit, rest_of, slips)
