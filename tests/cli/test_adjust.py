@@ -244,12 +244,21 @@ EVIL = "\x1b]0;evil\x07\x1b[2J"
 def test_control_characters_in_names_reach_neither_terminal_nor_files(site: Path, capsys) -> None:
     for path in (site / "site.obs", site / "site.cor"):
         path.write_text(path.read_text(encoding="utf-8").replace("PtB", f"P{EVIL}\u202e"), encoding="utf-8")
+    assert adjust("--out", "results") == 2 and not (site / "results").exists()
+    said = capsys.readouterr().err
+    assert "P\\x1b]0;evil\\x07\\x1b[2J\\u202e holds a character that nobody sees" in said
+    assert all(c.isprintable() or c == "\n" for c in said)
+
+
+def test_marks_of_direction_in_names_are_written_as_what_they_are(site: Path, capsys) -> None:
+    for path in (site / "site.obs", site / "site.cor"):
+        path.write_text(path.read_text(encoding="utf-8").replace("PtB", "P\u202e"), encoding="utf-8")
     assert adjust("--out", "results") == 0
     texts = {path.suffix: path.read_text(encoding="utf-8") for path in (site / "results").iterdir()}
     for text in (*texts.values(), *capsys.readouterr()):
         assert all(c.isprintable() or c in "\n\t" for c in text)
-    assert "P\\x1b]0;evil\\x07\\x1b[2J\\u202e" in texts[".txt"]
-    assert json.loads(texts[".json"])["points"][1]["name"] == f"P{EVIL}\u202e"
+    assert "P\\u202e" in texts[".txt"]
+    assert json.loads(texts[".json"])["points"][1]["name"] == "P\u202e"
 
 
 def test_control_characters_in_a_refused_line_do_not_reach_the_terminal(site: Path, capsys) -> None:

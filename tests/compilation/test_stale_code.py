@@ -24,10 +24,11 @@ print(obseq.calculator("Dir_EquiRect").values([[0.5, 0.25, 0.25]], [[]]))
 """
 LOOPS = """
 import numpy as np
+from obseq.kernels.layout import STRIDE
 from obseq.leastsquares.loops.accumulation import gather_rows
-tile = np.zeros(4 * 40)
+tile = np.zeros(4 * STRIDE)
 gather_rows(tile, 0, 4, np.arange(128.0), np.arange(0, 128, 4, dtype=np.uint32), 0)
-print(tile.reshape(4, 40)[:, :3])
+print(tile.reshape(4, STRIDE)[:, :3])
 """
 SPARSE = """
 import numpy as np
@@ -60,10 +61,11 @@ print(found.step)
 """
 TILES = """
 import numpy as np
+from obseq.kernels.layout import STRIDE
 from obseq.kernels.tiles import fill_lanes
-tiles = np.zeros(4 * 40)
+tiles = np.zeros(4 * STRIDE)
 fill_lanes(tiles, 0, np.arange(128.0).reshape(32, 4), 0, 0)
-print(tiles.reshape(4, 40)[:, :3])
+print(tiles.reshape(4, STRIDE)[:, :3])
 """
 LAYERS = """
 import numpy as np

@@ -16,7 +16,7 @@ def test_the_iterations_end_by_themselves():
     assert not solution.is_behind.any()
 
 
-@pytest.mark.parametrize("seed", [3, 13])
+@pytest.mark.parametrize("seed", [37, 38])
 def test_iterations_that_are_near_their_end_go_on_where_no_limit_was_given(seed):
     """Gross errors and a calibration that three images hardly determine: slow, and not hopeless."""
     rng = np.random.default_rng(seed)

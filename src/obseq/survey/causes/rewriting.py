@@ -54,7 +54,9 @@ class Rewriting:
 
 
 _SEEN_OUTSIDE = "S202", "S203", "S204"
-"""Of all values they leave a network in order, but larger or mirrored: known points alone contradict them."""
+"""Of all values they leave a network in order, but larger or mirrored: known points alone contradict them.
+
+Those of zenith angles do not: each is seen from both ends."""
 SCOPES = (ALL, FILE, FROM)
 """Where they may be: first of all it is tried, then of some."""
 
@@ -165,9 +167,13 @@ def rewritten(
     """
     known = _known(notes.points)
     worst = known[np.argsort(-off_points[known], kind="stable")][:_MOST_KNOWN]
-    values = list(of_all_values(notes))
-    yield chain((one for one in values if one.code in _SEEN_OUTSIDE), _of_all_points(notes, system))
-    yield chain((one for one in values if one.code not in _SEEN_OUTSIDE), _horizontal(notes))
+    outside: list[Rewritten] = []
+    inside: list[Rewritten] = []
+    for one in of_all_values(notes):
+        is_outside = one.code in _SEEN_OUTSIDE and not notes.is_zenith[one.rows].any()
+        (outside if is_outside else inside).append(one)
+    yield chain(outside, _of_all_points(notes, system))
+    yield chain(inside, _horizontal(notes))
     yield other_system(notes, known)
     yield _of_values(notes, SCOPES[1:], off)
     yield _of_single_points(notes.points, notes, system, worst, len(known))
