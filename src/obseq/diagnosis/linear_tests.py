@@ -82,7 +82,6 @@ class LinearTests:
         self.shown = self._columns.shown(left)
         self._across: dict[int, FloatArray] = {}
         self._given: dict[tuple[int, ...], Given] = {}
-        self._grams: dict[int, FloatArray] = {}
         self._weight = self._columns.first_weights(linear)
         self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
         self._is_screened, self._still = linear.n > policy.large, 2 * [policy.held_down]
@@ -193,12 +192,6 @@ class LinearTests:
         self._solve_for(own)
         return np.array([self._across[k][own] for k in own.tolist()]).reshape(len(own), len(own))
 
-    def _gram_of_block(self, index: int) -> FloatArray:
-        """(q, q) the same of a block: its columns are solved for with all others only when it is chosen."""
-        if index not in self._grams:
-            self._grams[index] = self._columns.grams(self.linear, self.hypotheses.of(index)[None])[0]
-        return self._grams[index]
-
     def took(self, chosen: Sequence[int]) -> float:
         """What hypotheses take of the sum of squares together."""
         if not len(chosen):
@@ -253,7 +246,7 @@ class LinearTests:
             degrees[which] = rank
         for i in self._standing_out(alone) if blocks else ():
             own = self.hypotheses.of(i)
-            left = self._gram_of_block(i) - given.basis[:, own].T @ given.basis[:, own]
+            left = self._gram(own) - given.basis[:, own].T @ given.basis[:, own]
             found, rank, _ = joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
