@@ -119,7 +119,8 @@ def _judged(record: BundleRecord) -> tuple[Level, str]:
             f"Not usable yet: most residuals of {name(record.rejected_shares[0].text)} are rejected.",
         )
     if record.weak:
-        return "warn", f"Adjusted without precisions: {name(record.weak.rstrip(chr(46)))}."
+        weak = record.weak.rstrip(".")
+        return "warn", f"Adjusted without precisions: {name(weak)}."
     if record.failures:
         return "warn", NOT_JUDGED
     if not record.is_complete:
