@@ -10,6 +10,7 @@ import pytest
 from obseq.cli.main import main
 from obseq.formats.opk.reader import opk_text, read_opk
 from obseq.images import BundleAdjustment
+from obseq.report import formats
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "images"))
 import scenes
@@ -47,7 +48,7 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
     assert "The block is sound" in shown
     assert "Parameters of cameras. c: " in (folder / "out/bundle.txt").read_text()
     record = json.loads((folder / "out/bundle.json").read_text())
-    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 5, 8)
+    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 6, 8)
     found = np.array([image["centre"] for image in record["images"]])
     sigmas = np.array([image["centre_sigmas"] for image in record["images"]])
     assert (np.abs(found - poses.centres) < 5.0 * sigmas).all()
@@ -62,6 +63,23 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
         "points.csv",
     }
     assert {path.name for path in (folder / "out").iterdir()} == names
+
+
+def test_a_large_block_is_columns(tables, capsys, monkeypatch):
+    folder, options, _ = tables
+    assert main(["bundle", *options, f"--out={folder / 'large'}", f"--json={folder / 'all.json'}"]) == 0
+    monkeypatch.setattr(formats, "LARGE", 100)
+    assert main(["bundle", *options, f"--out={folder / 'large'}"]) == 0
+    assert "more than 100 observations: bundle.json and bundle.txt, nor kept" in capsys.readouterr().out
+    names = {path.name for path in (folder / "large").iterdir()}
+    assert {"bundle.npz", "bundle.html", "points.csv"} < names
+    assert not names & {"bundle.json", "bundle.txt"}
+    again = [f"--{kind}={folder / 'again'}.{kind}" for kind in ("json", "html")]
+    assert main(["report", str(folder / "large/bundle.npz"), *again]) == 0
+    assert (folder / "again.html").read_text() == (folder / "large/bundle.html").read_text()
+    one, other = (json.loads((folder / name).read_text()) for name in ("all.json", "again.json"))
+    assert one.pop("run") != other.pop("run")
+    assert one == other
 
 
 def test_a_quiet_block_is_a_sentence(tables, capsys):
@@ -175,11 +193,9 @@ def test_blunders_in_a_block_with_robust_weights_are_all_named(tables, capsys):
     assert sorted(np.sign(one["size"][0]) for one in accused) == [-1.0, 1.0]
     assert first.startswith("image ") and "Off by" in first and tests["robust"]
     assert max(item["weight"] for item in tests["largest"][:2]) < 0.2
-    columns = record["residuals"]
     for item in tests["largest"][:2]:
-        image = record["images"][columns["image"][item["row"]]]["name"]
-        point = record["points"][columns["point"][item["row"]]]["name"]
-        assert f"image {image}, point {point} x" in item["name"]
+        measure = record["measures"][item["row"]]
+        assert f"image {measure['image']}, point {measure['point']} x" in item["name"]
     assert "Not usable yet: 2 errors are suspected" in page
     assert page.count('"level":"bad"') == 3  # the verdict, and a finding for each
 
