@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.diagnosing.largest_tests import LargestTestsRecord, largest_tests
+from obseq.records.columns import Column
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.records.columns import Column
 
 POOR = 0.1
 """Redundancy number below which the others hardly control a measure."""
