@@ -10,7 +10,6 @@ import pytest
 from obseq.cli.main import main
 from obseq.formats.opk.reader import opk_text, read_opk
 from obseq.images import BundleAdjustment
-from obseq.report import formats
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "images"))
 import scenes
@@ -63,23 +62,6 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
         "points.csv",
     }
     assert {path.name for path in (folder / "out").iterdir()} == names
-
-
-def test_a_large_block_is_columns(tables, capsys, monkeypatch):
-    folder, options, _ = tables
-    assert main(["bundle", *options, f"--out={folder / 'large'}", f"--json={folder / 'all.json'}"]) == 0
-    monkeypatch.setattr(formats, "LARGE", 100)
-    assert main(["bundle", *options, f"--out={folder / 'large'}"]) == 0
-    assert "more than 100 observations: bundle.json and bundle.txt, nor kept" in capsys.readouterr().out
-    names = {path.name for path in (folder / "large").iterdir()}
-    assert {"bundle.npz", "bundle.html", "points.csv"} < names
-    assert not names & {"bundle.json", "bundle.txt"}
-    again = [f"--{kind}={folder / 'again'}.{kind}" for kind in ("json", "html")]
-    assert main(["report", str(folder / "large/bundle.npz"), *again]) == 0
-    assert (folder / "again.html").read_text() == (folder / "large/bundle.html").read_text()
-    one, other = (json.loads((folder / name).read_text()) for name in ("all.json", "again.json"))
-    assert one.pop("run") != other.pop("run")
-    assert one == other
 
 
 def test_a_quiet_block_is_a_sentence(tables, capsys):

@@ -321,7 +321,7 @@ class Deserted:
         return Future()
 
     def wait_for_workers(self, count, timeout):
-        assert (count, timeout) == (1, workers.PATIENCE)
+        assert (count, timeout) == (1, workers.STARTING)
         if not self.workers:
             raise TimeoutError
 

@@ -12,10 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.output.block_record import MeasureRecord
     from obseq.images.output.testing import BlockReliabilityRecord
     from obseq.records.columns import Texts
-    from obseq.records.rows import Rows
+    from obseq.records.rows import AnyRows
 
 LARGE = 0.5
 """Share of the coordinates from which it is large."""
@@ -46,9 +45,7 @@ class RejectedShare(Record, frozen=True):
         return f"{self.name} ({self.rejected} of {self.tested})"
 
 
-def rejected_shares(
-    tests: BlockReliabilityRecord, measures: Rows[MeasureRecord]
-) -> tuple[RejectedShare, ...]:
+def rejected_shares(tests: BlockReliabilityRecord, measures: AnyRows) -> tuple[RejectedShare, ...]:
     """Large shares: that of the block by the given sigmas; else of images and points, by the usual spread."""
     w = np.abs(np.column_stack([measures.numbers("w_x"), measures.numbers("w_y")]))
     is_robust, spread = tests.largest.robust, max(tests.largest.spread, 1.0)

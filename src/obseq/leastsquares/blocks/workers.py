@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from obseq.leastsquares.blocks.files import Value
 
 
-PATIENCE = 30.0
-"""Seconds without a task that ends, after which workers are looked for; and those that none is there."""
-
+PATIENCE = 60.0
+"""Seconds without a task that ends, after which workers are looked for."""
+STARTING = 300.0
+"""Seconds for one to come back: on a busy machine it takes minutes to start."""
 _AGAIN = "start others, and take up what was done (--work, --resume)"
 
 
@@ -85,7 +86,7 @@ class Workers:
         if self._client is None:
             return
         try:
-            self._client.wait_for_workers(1, PATIENCE)
+            self._client.wait_for_workers(1, STARTING)
         except TimeoutError:
             raise InputError(f"blocks: no worker is left; {_AGAIN}") from None
 
