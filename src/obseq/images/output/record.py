@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.boundary import Boundary
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.adjustment.start import LeftOut
+from obseq.images.camera import Camera
 from obseq.images.causes.comparison import has_robust_weights
 from obseq.images.output.arrays import grid_of
 from obseq.images.output.block_record import (
@@ -23,17 +27,9 @@ from obseq.images.output.instruments import clinometer_records, rigid_records
 from obseq.images.output.references import antenna_records, check_records, shutter_records
 from obseq.images.output.testing import reliability_record
 from obseq.records.adjustment import IterationRecord, new_run
+from obseq.records.diagnosis import DiagnosisRecord
+from obseq.records.quality import GlobalTestRecord
 from obseq.survey.adjustment.adjusted_records import global_test_record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.adjustment.start import LeftOut
-    from obseq.images.camera import Camera
-    from obseq.records.diagnosis import DiagnosisRecord
-    from obseq.records.quality import GlobalTestRecord
 
 
 def record_of(

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.diagnosing.largest_tests import LargestTestsRecord, largest_tests
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.images.adjustment.solution import BundleSolution
 
 POOR = 0.1
 """Redundancy number below which the others hardly control a measure."""
