@@ -8,8 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from obseq.diagnosis.columns import Columns
-from obseq.diagnosis.engine import Search, diagnose, noise
+from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.diagnosis.judgement import noise
 from obseq.diagnosis.linear import Linear
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
