@@ -36,9 +36,10 @@ def test_no_class_has_lost(name):
     assert "crash" in before["verdicts"] or not found.verdicts["crash"], found.said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), [("block: control digit", 71010), ("site: target", 71008)])
 def test_what_no_start_leads_to_is_found_all_the_same(name, seed):
-    """A control point that is behind cameras where it is given; a point of two sights, one of another point."""
+    """A control point behind cameras; a point of two sights, one of which is to another."""
     found = bench.rates(name, [seed])
     assert found.verdicts == {"exact": 1}, found.plain()
 
