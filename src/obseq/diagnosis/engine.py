@@ -378,8 +378,7 @@ def _suspects(tests: LinearTests) -> list[int]:
 def _suspected_blocks(tests: LinearTests) -> list[int]:
     """Blocks most of whose rows a robust place contradicts, those with most first."""
     hypotheses = tests.hypotheses
-    off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
-    count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
+    count = hypotheses.counts(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect)
     is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
