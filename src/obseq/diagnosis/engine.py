@@ -111,7 +111,11 @@ class Search(Generic[Place]):
         if best is None:
             return Verdict(Status.UNDECIDED, reason=self._reason)
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
-        return judged(self._model, best, spent if self._is_spent and self._budget else "")
+        reason = spent if self._is_spent and self._budget else ""
+        verdict = judged(self._model, best, reason)
+        if reason and verdict.status is Status.UNEXPLAINED:  # no adjustment proves what is listed so far
+            return Verdict(Status.UNDECIDED, (), verdict.left, verdict.redundancy, reason)
+        return verdict
 
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended, if it is a place to test anything at."""
