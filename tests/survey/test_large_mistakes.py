@@ -71,7 +71,9 @@ def test_zenith_angles_in_degrees_are_one_error(files):
 @pytest.mark.slow(reason="rewritings are tried on a part, one on the whole")
 def test_exchanged_names_of_known_points_far_from_each_other_are_one_error(files):
     network = Network.read(*files, frame=FRAME)
-    points, far = network.points, np.flatnonzero(~network.points.is_free.any(axis=1))[[0, -1]]
+    points, rows = network.points, network.book.observations
+    (known,) = np.nonzero(~points.is_free.any(axis=1))
+    far = known[np.argsort(-network.book.counts(rows.active, len(points))[known])[:2]]  # seen most often
     coordinates = points.coordinates.copy()
     coordinates[far] = coordinates[far[::-1]]
     spoilt = replace(network, points=replace(points, coordinates=coordinates))
