@@ -24,7 +24,7 @@ def parts(n: int, first: NDArray[np.integer], second: NDArray[np.integer]) -> In
 def outwards(
     n: int, first: NDArray[np.integer], second: NDArray[np.integer], starts: ArrayLike
 ) -> tuple[IntArray, IntArray]:
-    """Nodes that joins (m,) lead to from some, the nearest first, and the node (n,) before each on the way."""
+    """Nodes that joins (m,) lead to from some, the nearest first, and the one before each (n,) on the way."""
     from scipy.sparse.csgraph import breadth_first_order
 
     some = np.atleast_1d(starts)

@@ -113,5 +113,5 @@ def test_an_instrument_on_another_point_than_is_noted_is_named(tmp_path):
     found = [line for line in measured() if (line.origin, line.target) != ("P2", "P1")]
     noted = [replace(line, origin="P1") if line.origin == "P2" else line for line in found]
     (error,) = network(tmp_path, noted).gross_errors()
-    assert error.code == "S161" and ["the instrument stood on P2"] == [slip.text for slip in error.slips]
+    assert error.code == "S161" and [slip.text for slip in error.slips] == ["the instrument stood on P2"]
     assert lines(error) == {k for k, line in enumerate(found, 1) if line.origin == "P2"}
