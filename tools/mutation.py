@@ -1,10 +1,13 @@
 """How much of what decides is tested: changed code must make tests fail (mutation testing, by cosmic-ray).
 
-Each room has its folders and the tests that judge it. A seeded sample of the changes that cosmic-ray knows is
-tried in a copy of the checkout; annotations and docstrings are left alone, for nothing runs them. What
-survives is a test to write, or code to delete. It needs `obseq[mutation]`.
+Each room has its folders. A seeded sample of the changes that cosmic-ray knows is tried in a copy of the
+checkout; annotations and decorators are left alone. `tools/covered_by.py` has found which tests run a line:
+those are asked, the quick ones first, then those that belong to the module. Each change is tried in a process
+that has the libraries already. What survives is a test to write, or code to delete.
+It needs `obseq[mutation]`.
 
 Example:
+    python tools/covered_by.py tests/diagnosis tests/survey
     python tools/mutation.py --sample 60 diagnosis
 """
 
@@ -15,73 +18,121 @@ import ast
 import os
 import random
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
+from collections import Counter
+from functools import cache
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from covered_by import Covered
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
-    from cosmic_ray.work_item import WorkItem
-
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).resolve().parents[1]
 WIDE = ("test_stale_code", "test_architecture")
 """Tests that name modules of all rooms, whatever these do."""
-TIMEOUT = 400.0
-"""Seconds after which the tests of a change are stopped: it is killed."""
+MODULE_SHARE = 0.4
+"""Of the time of a change, for tests of its module that are not known to run its line."""
 SAME = ("_Eq_Is", "_NotEq_IsNot", "_BitAnd_Mul", "_BitOr_Add")
 """Changes that change nothing: of small numbers and names the first two, of truth values the others."""
-
-
-class Room(NamedTuple):
-    """What is judged together.
-
-    Attributes:
-        code: folders or files.
-        tests: that judge them, beside those of each module.
-    """
-
-    code: tuple[str, ...]
-    tests: tuple[str, ...]
-
+MEMORY = 6 << 30
+"""Bytes that a changed program may take."""
+LIBRARIES = "numpy scipy.sparse.linalg scipy.spatial scipy.stats numba pyproj hypothesis pytest msgspec"
+"""What most tests import: the process that tries changes has it before it is asked."""
+LOADED = "ignore:Module already imported:pytest.PytestAssertRewriteWarning"
+"""What pytest says of them."""
 
 ROOMS = {
-    "diagnosis": Room(("src/obseq/diagnosis",), ("tests/diagnosis",)),
-    "images": Room(
-        ("src/obseq/images/causes", "src/obseq/images/diagnosing"),
-        (
-            "tests/images/test_block_model.py",
-            "tests/images/test_causes.py",
-            "tests/images/test_large_blocks.py",
-        ),
+    "diagnosis": ("src/obseq/diagnosis",),
+    "causes": ("src/obseq/survey/causes",),
+    "diagnosing": ("src/obseq/survey/diagnosing",),
+    "images": ("src/obseq/images/causes", "src/obseq/images/diagnosing"),
+    "joint": ("src/obseq/joint/causes.py",),
+    "verdict": ("src/obseq/report/verdict.py", "src/obseq/report/worst_test.py"),
+    "screening": ("src/obseq/survey/checks", "src/obseq/images/measure_checks.py"),
+    "strategies": (
+        "src/obseq/leastsquares/iterations/strategies.py",
+        "src/obseq/leastsquares/iterations/arrival.py",
+        "src/obseq/images/adjustment/approach.py",
+        "src/obseq/survey/adjustment/contest.py",
     ),
-    "causes": Room(("src/obseq/survey/causes",), ("tests/survey/test_planted_slips.py",)),
-    "diagnosing": Room(
-        ("src/obseq/survey/diagnosing",),
-        ("tests/survey/test_planted_slips.py", "tests/survey/test_gross_errors.py"),
-    ),
-    "rest": Room(("src/obseq",), ()),
 }
+"""The rooms that decide; `rest` is everything else."""
+
+
+class Change(NamedTuple):
+    """A change of one place of a module: the operator of cosmic-ray and how manieth place of it."""
+
+    module: str
+    first: tuple[int, int]
+    last: tuple[int, int]
+    operator: str
+    occurrence: int
+
+
+class Outcome(NamedTuple):
+    """What the tests said of a change.
+
+    Attributes:
+        change: that was tried.
+        end: "killed", "stopped" (its tests took far longer than they do), "survived" or "not covered".
+        by: the test that failed, if one did.
+        tests: how many were asked.
+        text: the line before and after.
+    """
+
+    change: Change
+    end: str
+    by: str
+    tests: int
+    text: str
 
 
 def main() -> int:
     """Tries a sample of each room that is named, and prints the scores."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("rooms", nargs="*", choices=[*ROOMS, []], metavar="ROOM", help=", ".join(ROOMS))
+    known = [*ROOMS, "rest"]
+    parser.add_argument("rooms", nargs="*", choices=[*known, []], metavar="ROOM", help=", ".join(known))
     parser.add_argument("--sample", type=int, default=100, help="changes that are tried in each room")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of tests, for each change")
+    parser.add_argument("--only", default="", help="try only those whose place has this pattern")
     arguments = parser.parse_args()
-    for name in arguments.rooms or ROOMS:
-        with tempfile.TemporaryDirectory() as folder:
-            killed, survived = tried(ROOMS[name], copied(Path(folder)), arguments.sample, arguments.seed)
-        print(f"{name:12}{killed:4} of {killed + len(survived)} killed", flush=True)
-        for place in survived:
-            print(f"    {place}")
+    covered = Covered()
+    with tempfile.TemporaryDirectory() as folder:
+        copy = copied(Path(folder))
+        for name in arguments.rooms or known:
+            sample = _sample(name, arguments.sample, arguments.seed)
+            asked_for = [one for one in sample if re.search(arguments.only, _place(one))]
+            report(name, tried(asked_for, copy, covered, arguments.seconds))
     return 0
+
+
+def report(name: str, outcomes: list[Outcome]) -> None:
+    """Prints the score of a room, and what survived."""
+    from scipy.stats import binomtest
+
+    ends = Counter(one.end for one in outcomes)
+    killed, count = ends["killed"] + ends["stopped"], len(outcomes)
+    if not count:
+        print(f"{name}: nothing to try")
+        return
+    low, high = binomtest(killed, count).proportion_ci()
+    others = ", ".join(f"{number} {end}" for end, number in sorted(ends.items()))
+    score = f"{killed} of {count}, {killed / count:.0%} (95 %: {low:.0%} to {high:.0%})"
+    print(f"{name}: {score}; {others}", flush=True)
+    for one in sorted(outcomes):
+        if one.end not in ("killed", "stopped"):
+            print(f"  {_place(one.change)}: {one.end}, {one.tests} tests\n{one.text}", flush=True)
 
 
 def copied(folder: Path) -> Path:
@@ -91,7 +142,7 @@ def copied(folder: Path) -> Path:
     for name in subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split():
         if (ROOT / name).is_file():
             (made / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, made / name)
+            shutil.copy2(ROOT / name, made / name)
     for name in ("formulas", "codegen", "generated"):
         (made / "src" / "obseq" / name).symlink_to(made / name)
     if (ROOT.parent / "shared").exists():
@@ -99,94 +150,269 @@ def copied(folder: Path) -> Path:
     return made
 
 
-def tried(room: Room, checkout: Path, count: int, seed: int) -> tuple[int, list[str]]:
-    """How many of a sample of changes made tests fail, and where the others are."""
-    from cosmic_ray.work_db import use_db
-    from cosmic_ray.work_item import TestOutcome
+def tried(changes: list[Change], copy: Path, covered: Covered, seconds: float) -> list[Outcome]:
+    """What the tests say of each change; a test that fails unchanged too has no say."""
+    prepare()
+    found = list[Outcome]()
+    for change in changes:
+        tests = judges(change, covered, seconds)
+        known = Counter(one.by for one in found)  # what found others is asked first
+        tests.sort(key=lambda name, known=known: -known[name])
+        last = outcome(change, copy, covered, tests)
+        print(f"{last.end:12}{last.tests:5} {_place(change)} {last.by}", file=sys.stderr, flush=True)
+        found.append(last)
+    wrong = {test for test in {one.by for one in found} - {""} if asked([test], copy, 600.0)[0] != "survived"}
+    if wrong:
+        print(f"these fail unchanged too, and what they killed is not counted: {' '.join(wrong)}", flush=True)
+    return [one for one in found if one.by not in wrong]
 
-    code = room.code if room.tests else _modules(checkout, room, count, seed)
-    config, session = checkout / "cosmic-ray.toml", checkout / "session.sqlite"
-    environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
 
-    def run(command: str, tests: tuple[str, ...], *more: str) -> int:
-        line = f"{sys.executable} -m pytest -q -x -n 0 -p no:cacheprovider {' '.join(tests)}"
-        config.write_text(
-            f"[cosmic-ray]\nmodule-path = {list(code)!r}\ntimeout = {TIMEOUT}\n"
-            f'excluded-modules = []\ntest-command = "{line}"\n[cosmic-ray.distributor]\nname = "local"\n'
-        )
-        whole = [sys.executable, "-m", "cosmic_ray.cli", command, str(config), *more]
-        return subprocess.run(whole, cwd=checkout, env=environment, check=False).returncode
+def outcome(change: Change, copy: Path, covered: Covered, tests: list[str]) -> Outcome:
+    """What the tests say of one change, made in a copy of the checkout."""
+    path = copy / change.module
+    before, stamp = path.read_text("utf-8"), path.stat()
+    after = changed(before, change)
+    text = _difference(before, after)
+    if not tests:
+        return Outcome(change, "not covered", "", 0, text)
+    path.write_text(after, encoding="utf-8")
+    try:
+        end, by = asked(tests, copy, 30.0 + 4.0 * sum(map(covered.seconds, tests)))
+    finally:
+        path.write_text(before, encoding="utf-8")
+        os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    if end == "killed" and not by and asked(tests, copy, 600.0)[0] != "survived":
+        raise SystemExit(f"The tests of {change.module} do not run unchanged: {' '.join(tests)}")
+    return Outcome(change, end, by, len(tests), text)
 
-    run("init", room.tests, str(session))
-    judged_by: dict[tuple[str, ...], list[WorkItem]] = {}
-    with use_db(session) as base:
-        for item in _sample(checkout, list(base.work_items), count, seed):
-            tests = dict.fromkeys((*_tests_of(checkout, _file(item)), *room.tests))
-            judged_by.setdefault(tuple(tests), []).append(item)
-    killed, survived = 0, list[str]()
-    for tests, items in judged_by.items():
-        if run("baseline", tests):
-            print(f"not tried, for they fail or take too long unchanged: {' '.join(tests)}", flush=True)
+
+def judges(change: Change, covered: Covered, seconds: float) -> list[str]:
+    """Tests that run a changed line, then others of its module: the quick ones first, up to a time."""
+    by_line = _by_line(covered, change.module)
+    first, last, runs = _statement(change)
+    lines = range(first, last + 1) if runs else [line for line in by_line if _runs(change.module, line)]
+    near = set[str]().union(*(by_line.get(line, ()) for line in lines))
+    files = {*_tests_of(change.module), *(name.partition("::")[0] for name in near)}
+    return [
+        *_quickest(near, covered, seconds),
+        *_quickest(covered.of_files(files) - near, covered, MODULE_SHARE * seconds),
+    ]
+
+
+def _quickest(tests: Iterable[str], covered: Covered, seconds: float) -> list[str]:
+    chosen, total = [], 0.0
+    for name in sorted(tests, key=lambda name: (covered.seconds(name), name)):
+        total += covered.seconds(name)
+        if chosen and total > seconds:
+            break
+        chosen.append(name)
+    return chosen
+
+
+@cache
+def _by_line(covered: Covered, module: str) -> dict[int, set[str]]:
+    return covered.by_line(module)
+
+
+def prepare() -> None:
+    """Imports what tests need, for the processes that are forked from this one."""
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1", "HYPOTHESIS_NO_PLUGINS": "1"}
+    sys.dont_write_bytecode = True
+    for name in LIBRARIES.split():
+        __import__(name)
+
+
+def asked(tests: list[str], copy: Path, seconds: float) -> tuple[str, str]:
+    """Whether tests fail, and which: run in a process of its own, with a limit of its processor's seconds."""
+    temporary = Path(tempfile.mkdtemp(dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
+    process = os.fork()
+    if not process:
+        _ask(tests, copy, temporary, seconds)
+    code = _waited(process, 10.0 * seconds + 300.0)
+    noted = temporary / "failed"
+    by = noted.read_text("utf-8") if noted.exists() else ""
+    shutil.rmtree(temporary, ignore_errors=True)
+    if code == 0:
+        return "survived", ""
+    return ("stopped" if code is None or code == -signal.SIGXCPU else "killed"), by
+
+
+def _waited(process: int, seconds: float) -> int | None:
+    """The code with which a process ends; nothing if it had to be ended."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found, status = os.waitpid(process, os.WNOHANG)
+        if found:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.05)
+    os.killpg(process, signal.SIGKILL)
+    os.waitpid(process, 0)
+    return None
+
+
+def _ask(tests: list[str], copy: Path, temporary: Path, seconds: float) -> None:
+    """Runs tests, and ends this process."""
+    code = 1
+    try:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(nothing, stream)
+        os.environ |= {"PYTHONPATH": str(copy / "src"), "TMPDIR": str(temporary)}
+        tempfile.tempdir = str(temporary)
+        sys.path.insert(0, str(copy / "src"))
+        os.chdir(copy)
+        import pytest
+
+        options = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-W", LOADED, *tests]
+        code = int(pytest.main(options, plugins=[Failed(temporary / "failed")]))
+    finally:
+        os._exit(code)
+
+
+class Failed:
+    """A plugin of pytest that notes the test that failed, or the file that could not be read."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def pytest_runtest_logreport(self, report: object) -> None:
+        """Writes its name."""
+        if getattr(report, "failed", False):
+            self.file.write_text(getattr(report, "nodeid", ""), encoding="utf-8")
+
+    pytest_collectreport = pytest_runtest_logreport
+
+
+def _sample(room: str, count: int, seed: int) -> list[Change]:
+    """Changes of what runs, in the order of their places."""
+    chance = random.Random(seed)
+    own = _modules(ROOMS[room]) if room in ROOMS else _others()
+    if room in ROOMS:
+        return _some(sorted(change for module in own for change in _changes(module)), count, chance)
+    drawn = Counter(chance.choices(own, [(ROOT / name).stat().st_size for name in own], k=count))
+    some = (_some(_changes(name), number, chance) for name, number in sorted(drawn.items()))
+    return list(chain.from_iterable(some))
+
+
+def _some(changes: list[Change], count: int, chance: random.Random) -> list[Change]:
+    """Some of them at random, in the order of their places; not those that are no Python."""
+    chance.shuffle(changes)
+    return sorted(islice((change for change in changes if _is_python(change)), count))
+
+
+def _is_python(change: Change) -> bool:
+    """Whether a change can be read, and is none of the mark of arguments that are given by name."""
+    before = (ROOT / change.module).read_text("utf-8")
+    after = changed(before, change)
+    try:
+        return ast.dump(ast.parse(after)) != ast.dump(_tree(change.module)) and not _is_mark(before, change)
+    except SyntaxError:
+        return False
+
+
+def _is_mark(text: str, change: Change) -> bool:
+    """Whether what is changed is the star after which arguments are given by name."""
+    line, column = change.first
+    return text.splitlines()[line - 1][column:].replace(" ", "").startswith("*,")
+
+
+def _modules(places: Iterable[str]) -> list[str]:
+    found = set[Path]()
+    for place in places:
+        found |= {ROOT / place} if place.endswith(".py") else set((ROOT / place).rglob("*.py"))
+    links = {path for path in found if any(parent.is_symlink() for parent in path.parents)}
+    return sorted(path.relative_to(ROOT).as_posix() for path in found - links)
+
+
+def _others() -> list[str]:
+    """Modules of no room that decides, but for what is made or tested from lists."""
+    rooms = {module for places in ROOMS.values() for module in _modules(places)}
+    return [name for name in _modules(["src/obseq"]) if name not in rooms and not name.endswith("__.py")]
+
+
+def _changes(module: str) -> list[Change]:
+    """All changes that cosmic-ray knows of a module, but those of what does not run."""
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator, operator_names
+
+    text = (ROOT / module).read_text("utf-8")
+    nodes, idle = list(ast_nodes(get_ast(text))), list(_idle(text))
+    found = []
+    for name in operator_names():
+        operator = get_operator(name)
+        if name.endswith(SAME) or operator.arguments():
             continue
-        with use_db(session) as base:
-            base.clear()
-            base.add_work_items(items)
-        run("exec", tests, str(session))
-        with use_db(session) as base:
-            outcomes = {job: result.test_outcome for job, result in base.results}
-        survived += [_place(item) for item in items if outcomes[item.job_id] is TestOutcome.SURVIVED]
-        killed += sum(outcome is TestOutcome.KILLED for outcome in outcomes.values())
-    return killed, sorted(survived)
+        places = (place for node in nodes for place in operator().mutation_positions(node))
+        found += [Change(module, *place, name, at) for at, place in enumerate(places)]
+    return sorted(one for one in found if not any(begin <= one.first < end for begin, end in idle))
 
 
-def _modules(checkout: Path, room: Room, count: int, seed: int) -> list[str]:
-    """Modules that files of tests judge, at random by size: listing the changes of all takes an hour."""
-    found = [path for folder in room.code for path in sorted((checkout / folder).rglob("*.py"))]
-    own = [path for path in found if not any(part.is_symlink() for part in path.parents)]
-    names = [path.relative_to(checkout).as_posix() for path in own]
-    tested = [name for name in names if _tests_of(checkout, name)]
-    sizes = [(checkout / name).stat().st_size for name in tested]
-    return sorted(set(random.Random(seed).choices(tested, sizes, k=count)))
+def changed(text: str, change: Change) -> str:
+    """The text of a module with a change."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    return str(mutate_code(text, get_operator(change.operator)(), change.occurrence))
 
 
-def _tests_of(checkout: Path, module: str) -> tuple[str, ...]:
-    """Tests of a module: those of the table, of its name or its room's, and those that import it."""
-    table = tomllib.loads((checkout / "tests" / "modules.toml").read_text(encoding="utf-8"))
+def _difference(before: str, after: str) -> str:
+    lines = zip(before.splitlines(), after.splitlines(), strict=False)
+    return next((f"    - {old.strip()}\n    + {new.strip()}" for old, new in lines if old != new), "")
+
+
+@cache
+def _tree(module: str) -> ast.Module:
+    return ast.parse((ROOT / module).read_text("utf-8"))
+
+
+def _statement(change: Change) -> tuple[int, int, bool]:
+    """First and last line of the statement of a change, and whether a call runs it or the import."""
+    found = change.first[0], change.last[0]
+    for node in ast.walk(_tree(change.module)):  # outer ones first
+        if isinstance(node, ast.stmt):
+            body = getattr(node, "body", None)
+            end = max(body[0].lineno - 1, node.lineno) if body else node.end_lineno or 0
+            if node.lineno <= change.first[0] <= end:
+                found = node.lineno, end
+    return *found, _runs(change.module, change.first[0])
+
+
+def _runs(module: str, line: int) -> bool:
+    """Whether a line stands in the body of a function."""
+    return any(
+        node.body[0].lineno <= line <= (node.end_lineno or 0)
+        for node in ast.walk(_tree(module))
+        if isinstance(node, ast.FunctionDef)
+    )
+
+
+@cache
+def _texts() -> dict[str, str]:
+    found = sorted((ROOT / "tests").rglob("test_*.py"))
+    return {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in found}
+
+
+@cache
+def _tests_of(module: str) -> tuple[str, ...]:
+    """Files of tests of a module: of the table, of its name or its room's, and those that import it."""
+    table = tomllib.loads((ROOT / "tests" / "modules.toml").read_text("utf-8"))
     place = Path(module).relative_to("src/obseq").with_suffix("")
     begin = tuple(f"test_{name}{end}" for name in (place.name, place.parent.name) for end in ("_", "."))
     named = re.compile(rf"\bobseq\.{'.'.join(place.parts)}\b")
-    found = [checkout / table[name]] if (name := f"{place.as_posix()}.py") in table else []
-    found += [
-        path
-        for path in sorted((checkout / "tests").rglob("test_*.py"))
-        if path.name.startswith(begin)
-        or (path.stem not in WIDE and named.search(path.read_text(encoding="utf-8")))
-    ]
-    return tuple(path.relative_to(checkout).as_posix() for path in dict.fromkeys(found))
+    found = [table[name]] if (name := f"{place.as_posix()}.py") in table else []
+    for name, text in _texts().items():
+        own = Path(name)
+        if own.name.startswith(begin) or (own.stem not in WIDE and named.search(text)):
+            found.append(name)
+    return tuple(dict.fromkeys(found))
 
 
-def _place(item: WorkItem) -> str:
-    (change,) = item.mutations
-    line = f"{change.module_path}:{change.start_pos[0]}:{change.start_pos[1]}"
-    return f"{line} {change.operator_name.removeprefix('core/')} {change.occurrence}"
-
-
-def _sample(checkout: Path, items: list[WorkItem], count: int, seed: int) -> list[WorkItem]:
-    """Changes of what runs, in the order of their places."""
-    files = {_file(item) for item in items}
-    idle = {name: list(_idle((checkout / name).read_text("utf-8"))) for name in files}
-    live = [
-        item
-        for item in items
-        if not item.mutations[0].operator_name.endswith(SAME)
-        and not any(first <= item.mutations[0].start_pos < last for first, last in idle[_file(item)])
-    ]
-    live.sort(key=_place)
-    return random.Random(seed).sample(live, min(count, len(live)))
-
-
-def _file(item: WorkItem) -> str:
-    return str(item.mutations[0].module_path)
+def _place(change: Change) -> str:
+    line, column = change.first
+    return f"{change.module}:{line}:{column} {change.operator.removeprefix('core/')} {change.occurrence}"
 
 
 def _idle(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
