@@ -6,16 +6,13 @@ A table is declared once, with what is here. The page, texts and CSV are written
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from obseq.printable import printable_line
+from obseq.records.adjustment import EllipseRecord
 from obseq.report.tables.units import MANY, Plain
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from obseq.records.adjustment import EllipseRecord
 
 Column = Plain
 Table = Plain

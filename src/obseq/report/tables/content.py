@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from obseq.printable import printable_line
+from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
 from obseq.report.tables import content_quality, units
 from obseq.report.tables.columns import (
     PLACES,
@@ -23,11 +24,6 @@ from obseq.report.tables.columns import (
     table,
 )
 from obseq.report.tables.named import ellipse_level, unit_of, where
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Sequence
-
-    from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
 
 Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""
