@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
+from obseq.images.output.testing import BlockReliabilityRecord
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.output.testing import BlockReliabilityRecord
 
 LARGE = 0.5
 """Share of the coordinates from which it is large."""
