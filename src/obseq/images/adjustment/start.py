@@ -174,7 +174,7 @@ def start_of(block: Block, places: Mapping[str, FloatArray] | None = None) -> St
         off,
         _unmeasured(block, names),
     )
-    start = replace(start, met=_contradicted(start))
+    start = replace(start, met=contradicted(start))
     _require_in_front(block, start)
     return _without(start, reasons) if reasons else start
 
@@ -340,7 +340,7 @@ def _rays_to(
     )
 
 
-def _contradicted(start: Start) -> tuple[IntArray, FloatArray]:
+def contradicted(start: Start) -> tuple[IntArray, FloatArray]:
     """Control points whose rays meet far from where they are given, if they are few, and where these meet.
 
     From where it is given, one that is far off would carry the others away. Held coordinates stay.

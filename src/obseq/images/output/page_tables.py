@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
+from obseq.images.output.arrays import arrays_of
 from obseq.images.output.block_record import BundleRecord
 from obseq.images.output.page_instruments import INSTRUMENT_TABLES
 from obseq.printable import listed, printable_line
@@ -22,35 +23,35 @@ def tables(record: BundleRecord, names: Collection[str] = ()) -> list[Plain]:
 
 def names_of(record: BundleRecord) -> list[str]:
     """Names of points and images, by the numbers that tables hold."""
-    return printed([*(point.name for point in record.points), *(image.name for image in record.images)])
+    return printed([*record.points.values("name"), *(image.name for image in record.images)])
 
 
 def _measures(record: BundleRecord) -> Plain | None:
-    found, tests = record.residuals, record.reliability
-    if not found.image:
+    found, tests = record.measures, record.reliability
+    if not found:
         return None
-    names = [image.name for image in record.images]
+    places, names = arrays_of(record), [image.name for image in record.images]
+    of = found.values
     columns = [
-        column("image", "point", (len(record.points) + k for k in found.image), key="from"),
-        column("point", "point", found.point, key="to"),
-        column("x", "coarse_pixel", found.x, paper=False),
-        column("y", "coarse_pixel", found.y, paper=False),
-        column("dx", "pixel", found.dx, by_size=True),
-        column("dy", "pixel", found.dy, by_size=True),
+        column("image", "point", (len(record.points) + places.image).tolist(), key="from"),
+        column("point", "point", places.point.tolist(), key="to"),
+        column("x", "coarse_pixel", of("x"), paper=False),
+        column("y", "coarse_pixel", of("y"), paper=False),
+        column("dx", "pixel", of("dx"), by_size=True),
+        column("dy", "pixel", of("dy"), by_size=True),
     ]
     if tests is not None:
-        every, limit = tests.all, tests.critical
-        w, shares = map(_larger, every.w_x, every.w_y), map(min, every.redundancy_x, every.redundancy_y)
-        least = map(_larger, every.detectable_x, every.detectable_y)
+        limit, shares = tests.critical, map(min, of("redundancy_x"), of("redundancy_y"))
+        w, least = (map(_larger, of(f"{name}_x"), of(f"{name}_y")) for name in ("w", "detectable"))
         larger, smaller = "the larger of its two coordinates", "the smaller of its two coordinates"
         columns += [
             column("w", "number", w, by_size=True, bar="w", about=larger, limit=limit),
             column("redundancy", "number", shares, bar="redundancy", about=smaller),
             column("detectable", "pixel", least, about="smallest error that its test finds"),
         ]
-    columns += [column(f"s{axis}", "pixel", getattr(found, f"s{axis}"), rare=True) for axis in "xy"]
-    if any(weight != 1.0 for weight in found.weight):
-        columns.append(column("weight", "number", found.weight, about="what robust weights leave"))
+    columns += [column(f"s{axis}", "pixel", of(f"s{axis}"), rare=True) for axis in "xy"]
+    if (places.weights != 1.0).any():
+        columns.append(column("weight", "number", of("weight"), about="what robust weights leave"))
     about = "Residuals are computed minus measured, in pixels."
     chips = [] if tests is None else [[f"|w| > {tests.critical:.2f}", f"|w|>{tests.critical:.2f}"]]
     return table(
