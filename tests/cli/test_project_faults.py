@@ -186,7 +186,7 @@ def test_the_result_file_is_that_of_the_block(garage):
     assert main([*ADJUST, "--json", "r.json", "--ply", "r.ply"]) == 0
     record = json.loads((garage.parent / "r.json").read_text())
     assert (record["format"], len(record["images"]), record["converged"]) == ("obseq-bundle", 6, True)
-    assert len(record["residuals"]["dx"]) == sum(image["n_measures"] for image in record["images"])
+    assert len(record["measures"]) == sum(image["n_measures"] for image in record["images"])
     assert (garage.parent / "r.ply").read_text().startswith("ply")
 
 

@@ -1,8 +1,8 @@
 """Readings in both faces of the telescope: folded into the first one, reduced to means, compared.
 
 A zenith angle beyond half a turn is one of the second face: a full turn less it is that of the first. A
-direction on its line is half a turn from that of the first face. Negative ones near zero stay as they are: they
-are elevations below the horizon, which the search for errors tells. Where lines hold single angles, two or more
+direction on its line is half a turn from that of the first face. Negative ones near zero are elevations below
+the horizon: they stay, and the search for errors tells them. Where lines hold single angles, two or more
 targets of one point whose directions come half a turn apart are sights in both faces; one may be a slip.
 
 Half of first minus second face is the collimation error over the sine of the zenith angle, and the index
@@ -34,8 +34,8 @@ FULL_TURN = 2.0 * math.pi
 CLOSE = 0.5 * math.pi / 200.0
 """Errors of an instrument between its faces, generously (rad)."""
 FLAT = math.pi / 4.0
-"""Negative values nearer to zero are elevations below the horizon: written as the other face, a sight would be
-steeper than instruments of both faces are used for (rad)."""
+"""Negative values nearer to zero are elevations below the horizon: in the other face, such a sight would be
+steeper than any that is not to a plumb point (rad)."""
 MOST = 4
 LIMIT = 3.29
 """Standardised difference beyond which a pair is named: a chance of 0.1 %."""
