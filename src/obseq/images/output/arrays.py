@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.geometry import rotations_from
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.output.block_record import BundleRecord, CameraRecord, MeasureRecord
-    from obseq.records.columns import Texts
-    from obseq.records.rows import Rows
+from obseq.images.output.block_record import BundleRecord, CameraRecord, MeasureRecord
+from obseq.records.columns import Texts
+from obseq.records.rows import Rows
 
 UPPER = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Where the entries of a 3 by 3 covariance are among the six that a record holds."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.output.arrays import arrays_of, suspected_measures
+from obseq.images.output.arrays import BlockArrays, arrays_of, suspected_measures
+from obseq.images.output.block_record import BundleRecord
 from obseq.images.output.page_charts import cameras, frames
 from obseq.images.output.page_findings import findings
 from obseq.images.output.page_instruments import INSTRUMENTS
@@ -20,6 +21,7 @@ from obseq.report.head import (
     WORDS,
     Card,
     Head,
+    Level,
     Page,
     Place,
     Section,
@@ -41,14 +43,7 @@ from obseq.report.result_file import write_json
 from obseq.report.said import name, small
 from obseq.report.summary import Outcome, listing
 from obseq.report.tables.units import METRIC, significant
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from obseq.images.output.arrays import BlockArrays
-    from obseq.images.output.block_record import BundleRecord
-    from obseq.report.head import Level
-    from obseq.writing import Content
+from obseq.writing import Content
 
 
 def page(record: BundleRecord) -> str:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection
 
 from obseq.images.output.arrays import arrays_of
+from obseq.images.output.block_record import BundleRecord
 from obseq.images.output.page_instruments import INSTRUMENT_TABLES
 from obseq.printable import listed, printable_line
 from obseq.report.head import printed
-from obseq.report.tables.columns import choice, column, elements, field, table
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
-
-    from obseq.images.output.block_record import BundleRecord
-    from obseq.report.tables.units import Plain
+from obseq.report.tables.columns import choice, column, elements, field, filled, table
+from obseq.report.tables.units import Plain
 
 MOST_NAMES = 4
 """Names of what took no part, by kind and reason."""
@@ -22,8 +18,7 @@ MOST_NAMES = 4
 
 def tables(record: BundleRecord, names: Collection[str] = ()) -> list[Plain]:
     """Image points, points, images, parameters of cameras, instruments; or the tables of some names."""
-    made = (of(record) for name, of in TABLES.items() if not names or name in names)
-    return [item for item in made if item]
+    return filled(of(record) for name, of in TABLES.items() if not names or name in names)
 
 
 def names_of(record: BundleRecord) -> list[str]:
@@ -83,8 +78,6 @@ def _length(record: BundleRecord) -> dict[str, str]:
 
 def _points(record: BundleRecord) -> Plain | None:
     found, unit = record.points, _length(record)
-    if not found:
-        return None
     spread = [
         None if point.covariance is None else [point.covariance[k] ** 0.5 for k in (0, 3, 5)]
         for point in found
@@ -128,7 +121,7 @@ def _images(record: BundleRecord) -> Plain | None:
         *elements(angles, "angle", (image.opk for image in found), rare=True),
         *elements(spreads, "small_angle", (image.opk_sigmas for image in found), rare=True),
     ]
-    return table("images", "Images", columns, order="rms", hint="rms>0.5") if found else None
+    return table("images", "Images", columns, order="rms", hint="rms>0.5")
 
 
 def _parameters(record: BundleRecord) -> Plain:
@@ -151,8 +144,6 @@ def _parameters(record: BundleRecord) -> Plain:
 def _tests(record: BundleRecord) -> Plain | None:
     """The largest tests of all kinds of observation."""
     found = () if record.reliability is None else record.reliability.largest.largest
-    if not found:
-        return None
     columns = [
         column("observation", "text", [printable_line(item.name) for item in found]),
         field("w", "number", found, "w", by_size=True, bar="w"),
@@ -174,8 +165,6 @@ def _without(record: BundleRecord) -> Plain | None:
     for what, items in parts.items():
         for item in items:
             groups.setdefault((what, item.kind, item.reason), []).append(item.name)
-    if not groups:
-        return None
     rows = sorted(groups.items(), key=lambda group: -len(group[1]))
     columns = [
         choice("what", [what for (what, _, _), _ in rows]),

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
+from obseq.images.output.testing import BlockReliabilityRecord
+from obseq.records.columns import Texts
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.output.testing import BlockReliabilityRecord
-    from obseq.records.columns import Texts
-    from obseq.records.rows import AnyRows
+from obseq.records.rows import AnyRows
 
 LARGE = 0.5
 """Share of the coordinates from which it is large."""

@@ -107,6 +107,11 @@ def table(name: str, title: str, columns: Sequence[Column], **more: object) -> T
     return {"id": name, "title": printable_line(title), "columns": kept, **more}
 
 
+def filled(tables: Iterable[Table | None]) -> list[Table]:
+    """The tables that have something to show."""
+    return [item for item in tables if item and item["columns"]]
+
+
 def field(title: str, quantity: str, rows: Iterable[object], name: str, **more: object) -> Column:
     """A column of one field of records; dots lead inside."""
     return column(title, quantity, map(attrgetter(name), rows), **more)

@@ -19,6 +19,7 @@ from obseq.report.tables.columns import (
     elements,
     ellipse_columns,
     field,
+    filled,
     inside,
     rounded,
     table,
@@ -31,8 +32,7 @@ Rows = dict[str, int]
 
 def tables(record: AdjustmentRecord, rows: Rows, names: Collection[str] = ()) -> list[Table]:
     """The tables of an adjustment, or those of some names; the quantity of a column says how it is shown."""
-    made = (of(record, rows) for name, of in TABLES.items() if not names or name in names)
-    return [item for item in made if item]
+    return filled(of(record, rows) for name, of in TABLES.items() if not names or name in names)
 
 
 def numbers_of(record: AdjustmentRecord) -> Rows:
@@ -250,8 +250,6 @@ def _given_axis(record: AdjustmentRecord, axis: str) -> Column:
 
 def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
     found = record.constraints
-    if not found:
-        return None
     unit = {"unit": record.points_crs_unit} if record.points_crs_unit not in (None, "m") else {}
     columns = [
         column("point", "point", (rows.get(row.point) for row in found)),
@@ -272,8 +270,6 @@ def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
 def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
     """Vectors and positions, each tested as one observation."""
     found = record.joint
-    if not found:
-        return None
     off = (math.hypot(*row.blunder) for row in found)
     columns = [
         column("vector", "text", [printable_line(row.what) for row in found]),
@@ -295,8 +291,6 @@ def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
 
 def _stations(record: AdjustmentRecord, rows: Rows) -> Table | None:
     found = record.stations
-    if not found:
-        return None
     zeros = (None if row.g0 is None else rounded(row.g0 % math.tau, PLACES["rad"]) for row in found)
     columns = [
         column("station", "point", (rows.get(row.origin) for row in found)),
