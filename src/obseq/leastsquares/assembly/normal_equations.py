@@ -297,12 +297,11 @@ class NormalEquations:
         present, bounds = present_values(self.table), self._shares.bounds.tolist()
 
         def add_share(share: int) -> list[float]:
-            totals, ends = [], zip(bounds[share], bounds[share + 1], strict=True)
-            for batch, table, span in zip(self.batches, self.layout.batches, ends, strict=True):
+            totals, spans, store = [], map(Span, bounds[share], bounds[share + 1]), self._store
+            for batch, table, span in zip(self.batches, self.layout.batches, spans, strict=True):
                 tile, scratch = self._room(share, batch, table)
                 arrays, kernel = batch_arrays(batch), batch.shape.kernel()
-                given = kernel, tile, arrays, span, present, table, scratch, self._store
-                totals.append(float(assemble(*given)))
+                totals.append(float(assemble(kernel, tile, arrays, span, present, table, scratch, store)))
             return totals
 
         totals = in_threads(add_share, len(self._shares))
