@@ -31,7 +31,7 @@ from obseq.leastsquares.assembly.prior_rows import PriorRows
 from obseq.leastsquares.assembly.small_system import MOST_UNKNOWNS, SmallSystem
 from obseq.leastsquares.assembly.store import StoreLayout, aligned_zeros, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
-from obseq.leastsquares.loops.loop_arguments import BlockTable
+from obseq.leastsquares.loops.loop_arguments import BlockTable, Span
 from obseq.leastsquares.problem.arguments import are_finite
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.priors import Prior, Viscosity
