@@ -212,6 +212,15 @@ def test_large_models_stop_after_fewer_iterations_and_small_ones_say_when_theirs
     assert "the 1 iterations for that are spent" in verdict.reason
 
 
+def test_what_a_search_listed_before_its_iterations_were_spent_is_not_accused() -> None:
+    matrix, noise = rows_of(9)
+    noise[17] += 30.0
+    assert diagnose(Linearly(matrix, 10.0 * noise)).accused
+    verdict = diagnose(Linearly(matrix, 10.0 * noise), replace(POLICY, steps=1))
+    assert verdict.status is Status.UNDECIDED and not verdict.accused
+    assert verdict.left > 0.0 and verdict.redundancy == N - U - 1
+
+
 @pytest.mark.parametrize("size", [9.0, 1e4])
 @pytest.mark.parametrize("seed", range(3))
 def test_two_and_three_errors_are_named_with_their_sizes(seed: int, size: float) -> None:

@@ -111,7 +111,11 @@ class Search(Generic[Place]):
         if best is None:
             return Verdict(Status.UNDECIDED, reason=self._reason)
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
-        return judged(self._model, best, spent if self._is_spent and self._budget else "")
+        reason = spent if self._is_spent and self._budget else ""
+        verdict = judged(self._model, best, reason)
+        if reason and verdict.status is Status.UNEXPLAINED:  # no adjustment proves what is listed so far
+            return Verdict(Status.UNDECIDED, (), verdict.left, verdict.redundancy, reason)
+        return verdict
 
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended, if it is a place to test anything at."""
@@ -378,8 +382,7 @@ def _suspects(tests: LinearTests) -> list[int]:
 def _suspected_blocks(tests: LinearTests) -> list[int]:
     """Blocks most of whose rows a robust place contradicts, those with most first."""
     hypotheses = tests.hypotheses
-    off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
-    count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
+    count = hypotheses.counts(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect)
     is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
