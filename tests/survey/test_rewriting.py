@@ -77,13 +77,14 @@ def test_all_values_of_a_kind_are_written_anew_and_no_others():
     assert Counter(one.slip for one in found)["W126"] == 2
     before = notes.book.observations.values
     kinds = np.array([BY_CODE[int(code)].name for code in notes.book.observations.types])
-    takes = {"S203": {"Dist"}, "S204": {"DH"}, "S200": {"Hz", "Zen"}}
+    takes = {"distances": {"Dist"}, "height differences": {"DH"}, "angles": {"Hz", "Zen"}}
     for one in found:
         changed = np.flatnonzero(one.book.observations.values != before)
         assert set(changed.tolist()) <= set(one.rows.tolist()) and one.count == len(one.rows)
-        if one.code in takes:
-            assert set(kinds[one.rows]) == takes[one.code] and len(changed) == len(one.rows)
-            assert len(one.rows) == np.isin(kinds, list(takes[one.code])).sum()
+        of = takes.get(one.what.partition(",")[0].removeprefix("unit of "))
+        if of is not None:
+            assert set(kinds[one.rows]) == of and len(changed) == len(one.rows)
+            assert len(one.rows) == np.isin(kinds, list(of)).sum()
         assert f"{len(one.rows)} observations" in one.what and ", all, " in one.what
 
 
