@@ -19,3 +19,9 @@ def test_the_nearest_come_first() -> None:
     order, before = outwards(6, *JOINS, 5)
     assert order.tolist() == [5, 2, 0]
     assert before[2] == 5 and before[0] == 2
+
+
+def test_of_several_starts_each_leads_to_what_is_nearest_to_it() -> None:
+    order, before = outwards(6, *JOINS, [5, 3])
+    assert sorted(order[:2].tolist()) == [3, 5] and set(order.tolist()) == {0, 1, 2, 3, 5}
+    assert (before[2], before[0], before[1]) == (5, 2, 3)

@@ -1,87 +1,108 @@
 """How much of what decides is tested: changed code must make tests fail (mutation testing, by cosmic-ray).
 
-Each room has its folders and the tests that judge it. A seeded sample of the changes that cosmic-ray knows is
-tried in a copy of the checkout; annotations and docstrings are left alone, for nothing runs them. What
-survives is a test to write, or code to delete. It needs `obseq[mutation]`.
+Each room has its folders. A seeded sample of the changes that cosmic-ray knows is tried in a copy of the
+checkout; annotations and decorators are left alone. `tools/covered_by.py` has found which tests run a line:
+those are asked, the quick ones first, then those that belong to the module. Each change is tried in a process
+that has the libraries already. What survives is a test to write, or code to delete.
+It needs `obseq[mutation]`.
 
 Example:
+    python tools/covered_by.py tests/diagnosis tests/survey
     python tools/mutation.py --sample 60 diagnosis
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
 import os
-import random
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
+from collections import Counter
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from changes import ROOMS, ROOT, Change, changed, difference, place, runs, sample, statement
+from covered_by import Covered
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable
 
-    from cosmic_ray.work_item import WorkItem
-
-ROOT = Path(__file__).parents[1]
 WIDE = ("test_stale_code", "test_architecture")
 """Tests that name modules of all rooms, whatever these do."""
-TIMEOUT = 400.0
-"""Seconds after which the tests of a change are stopped: it is killed."""
-SAME = ("_Eq_Is", "_NotEq_IsNot", "_BitAnd_Mul", "_BitOr_Add")
-"""Changes that change nothing: of small numbers and names the first two, of truth values the others."""
+MODULE_SHARE = 0.4
+"""Of the time of a change, for tests of its module that are not known to run its line."""
+USAGE = 4
+"""What pytest ends with where it finds a test no more: the map is older than the tests."""
+MEMORY = 6 << 30
+"""Bytes that a changed program may take."""
+LIBRARIES = "numpy scipy.sparse.linalg scipy.spatial scipy.stats numba pyproj hypothesis pytest msgspec"
+"""What most tests import: the process that tries changes has it before it is asked."""
+LOADED = "ignore:Module already imported:pytest.PytestAssertRewriteWarning"
+"""What pytest says of them."""
 
 
-class Room(NamedTuple):
-    """What is judged together.
+class Outcome(NamedTuple):
+    """What the tests said of a change.
 
     Attributes:
-        code: folders or files.
-        tests: that judge them, beside those of each module.
+        change: that was tried.
+        end: "killed", "stopped" (its tests took far longer than they do), "survived" or "not covered".
+        by: the test that failed, if one did.
+        tests: how many were asked.
+        text: the line before and after.
     """
 
-    code: tuple[str, ...]
-    tests: tuple[str, ...]
-
-
-ROOMS = {
-    "diagnosis": Room(("src/obseq/diagnosis",), ("tests/diagnosis",)),
-    "images": Room(
-        ("src/obseq/images/causes", "src/obseq/images/diagnosing"),
-        (
-            "tests/images/test_block_model.py",
-            "tests/images/test_causes.py",
-            "tests/images/test_large_blocks.py",
-        ),
-    ),
-    "causes": Room(("src/obseq/survey/causes",), ("tests/survey/test_planted_slips.py",)),
-    "diagnosing": Room(
-        ("src/obseq/survey/diagnosing",),
-        ("tests/survey/test_planted_slips.py", "tests/survey/test_gross_errors.py"),
-    ),
-    "rest": Room(("src/obseq",), ()),
-}
+    change: Change
+    end: str
+    by: str
+    tests: int
+    text: str
 
 
 def main() -> int:
     """Tries a sample of each room that is named, and prints the scores."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("rooms", nargs="*", choices=[*ROOMS, []], metavar="ROOM", help=", ".join(ROOMS))
+    known = [*ROOMS, "rest"]
+    parser.add_argument("rooms", nargs="*", choices=[*known, []], metavar="ROOM", help=", ".join(known))
     parser.add_argument("--sample", type=int, default=100, help="changes that are tried in each room")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of tests, for each change")
+    parser.add_argument("--only", default="", help="try only those whose place has this pattern")
     arguments = parser.parse_args()
-    for name in arguments.rooms or ROOMS:
-        with tempfile.TemporaryDirectory() as folder:
-            killed, survived = tried(ROOMS[name], copied(Path(folder)), arguments.sample, arguments.seed)
-        print(f"{name:12}{killed:4} of {killed + len(survived)} killed", flush=True)
-        for place in survived:
-            print(f"    {place}")
+    covered = Covered()
+    with tempfile.TemporaryDirectory() as folder:
+        copy = copied(Path(folder))
+        for name in arguments.rooms or known:
+            found = sample(name, arguments.sample, arguments.seed)
+            asked_for = [one for one in found if re.search(arguments.only, place(one))]
+            report(name, tried(asked_for, copy, covered, arguments.seconds))
     return 0
+
+
+def report(name: str, outcomes: list[Outcome]) -> None:
+    """Prints the score of a room, and what survived."""
+    from scipy.stats import binomtest
+
+    ends = Counter(one.end for one in outcomes)
+    killed, count = ends["killed"] + ends["stopped"], len(outcomes)
+    if not count:
+        print(f"{name}: nothing to try")
+        return
+    low, high = binomtest(killed, count).proportion_ci()
+    others = ", ".join(f"{number} {end}" for end, number in sorted(ends.items()))
+    score = f"{killed} of {count}, {killed / count:.0%} (95 %: {low:.0%} to {high:.0%})"
+    print(f"{name}: {score}; {others}", flush=True)
+    for one in sorted(outcomes):
+        if one.end not in ("killed", "stopped"):
+            print(f"  {place(one.change)}: {one.end}, {one.tests} tests\n{one.text}", flush=True)
 
 
 def copied(folder: Path) -> Path:
@@ -91,7 +112,7 @@ def copied(folder: Path) -> Path:
     for name in subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split():
         if (ROOT / name).is_file():
             (made / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, made / name)
+            shutil.copy2(ROOT / name, made / name)
     for name in ("formulas", "codegen", "generated"):
         (made / "src" / "obseq" / name).symlink_to(made / name)
     if (ROOT.parent / "shared").exists():
@@ -99,112 +120,164 @@ def copied(folder: Path) -> Path:
     return made
 
 
-def tried(room: Room, checkout: Path, count: int, seed: int) -> tuple[int, list[str]]:
-    """How many of a sample of changes made tests fail, and where the others are."""
-    from cosmic_ray.work_db import use_db
-    from cosmic_ray.work_item import TestOutcome
-
-    code = room.code if room.tests else _modules(checkout, room, count, seed)
-    config, session = checkout / "cosmic-ray.toml", checkout / "session.sqlite"
-    environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
-
-    def run(command: str, tests: tuple[str, ...], *more: str) -> int:
-        line = f"{sys.executable} -m pytest -q -x -n 0 -p no:cacheprovider {' '.join(tests)}"
-        config.write_text(
-            f"[cosmic-ray]\nmodule-path = {list(code)!r}\ntimeout = {TIMEOUT}\n"
-            f'excluded-modules = []\ntest-command = "{line}"\n[cosmic-ray.distributor]\nname = "local"\n'
-        )
-        whole = [sys.executable, "-m", "cosmic_ray.cli", command, str(config), *more]
-        return subprocess.run(whole, cwd=checkout, env=environment, check=False).returncode
-
-    run("init", room.tests, str(session))
-    judged_by: dict[tuple[str, ...], list[WorkItem]] = {}
-    with use_db(session) as base:
-        for item in _sample(checkout, list(base.work_items), count, seed):
-            tests = dict.fromkeys((*_tests_of(checkout, _file(item)), *room.tests))
-            judged_by.setdefault(tuple(tests), []).append(item)
-    killed, survived = 0, list[str]()
-    for tests, items in judged_by.items():
-        if run("baseline", tests):
-            print(f"not tried, for they fail or take too long unchanged: {' '.join(tests)}", flush=True)
-            continue
-        with use_db(session) as base:
-            base.clear()
-            base.add_work_items(items)
-        run("exec", tests, str(session))
-        with use_db(session) as base:
-            outcomes = {job: result.test_outcome for job, result in base.results}
-        survived += [_place(item) for item in items if outcomes[item.job_id] is TestOutcome.SURVIVED]
-        killed += sum(outcome is TestOutcome.KILLED for outcome in outcomes.values())
-    return killed, sorted(survived)
+def tried(changes: list[Change], copy: Path, covered: Covered, seconds: float) -> list[Outcome]:
+    """What the tests say of each change; a test that fails unchanged too has no say."""
+    prepare()
+    found = list[Outcome]()
+    for change in changes:
+        tests = judges(change, covered, seconds)
+        known = Counter(one.by for one in found)  # what found others is asked first
+        tests.sort(key=lambda name, known=known: -known[name])
+        last = outcome(change, copy, covered, tests)
+        print(f"{last.end:12}{last.tests:5} {place(change)} {last.by}", file=sys.stderr, flush=True)
+        found.append(last)
+    wrong = {test for test in {one.by for one in found} - {""} if asked([test], copy, 600.0)[0] != "survived"}
+    if wrong:
+        print(f"these fail unchanged too, and what they killed is not counted: {' '.join(wrong)}", flush=True)
+    return [one for one in found if one.by not in wrong]
 
 
-def _modules(checkout: Path, room: Room, count: int, seed: int) -> list[str]:
-    """Modules that files of tests judge, at random by size: listing the changes of all takes an hour."""
-    found = [path for folder in room.code for path in sorted((checkout / folder).rglob("*.py"))]
-    own = [path for path in found if not any(part.is_symlink() for part in path.parents)]
-    names = [path.relative_to(checkout).as_posix() for path in own]
-    tested = [name for name in names if _tests_of(checkout, name)]
-    sizes = [(checkout / name).stat().st_size for name in tested]
-    return sorted(set(random.Random(seed).choices(tested, sizes, k=count)))
+def outcome(change: Change, copy: Path, covered: Covered, tests: list[str]) -> Outcome:
+    """What the tests say of one change, made in a copy of the checkout."""
+    path = copy / change.module
+    before, stamp = path.read_text("utf-8"), path.stat()
+    after = changed(before, change)
+    text = difference(before, after)
+    if not tests:
+        return Outcome(change, "not covered", "", 0, text)
+    path.write_text(after, encoding="utf-8")
+    try:
+        end, by = asked(tests, copy, 30.0 + 4.0 * sum(map(covered.seconds, tests)))
+    finally:
+        path.write_text(before, encoding="utf-8")
+        os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    if end == "killed" and not by and (unchanged := asked(tests, copy, 600.0)) != ("survived", ""):
+        raise SystemExit(f"The tests of {change.module} do not run unchanged: {unchanged[1]}")
+    return Outcome(change, end, by, len(tests), text)
 
 
-def _tests_of(checkout: Path, module: str) -> tuple[str, ...]:
-    """Tests of a module: those of the table, of its name or its room's, and those that import it."""
-    table = tomllib.loads((checkout / "tests" / "modules.toml").read_text(encoding="utf-8"))
+def judges(change: Change, covered: Covered, seconds: float) -> list[str]:
+    """Tests that run a changed line, then others of its module: the quick ones first, up to a time."""
+    by_line = _by_line(covered, change.module)
+    first, last, is_called = statement(change)
+    lines = range(first, last + 1) if is_called else [line for line in by_line if runs(change.module, line)]
+    near = set[str]().union(*(by_line.get(line, ()) for line in lines))
+    files = {*_tests_of(change.module), *(name.partition("::")[0] for name in near)}
+    return [
+        *_quickest(near, covered, seconds),
+        *_quickest(covered.of_files(files) - near, covered, MODULE_SHARE * seconds),
+    ]
+
+
+def _quickest(tests: Iterable[str], covered: Covered, seconds: float) -> list[str]:
+    chosen, total = [], 0.0
+    for name in sorted(tests, key=lambda name: (covered.seconds(name), name)):
+        total += covered.seconds(name)
+        if chosen and total > seconds:
+            break
+        chosen.append(name)
+    return chosen
+
+
+@cache
+def _by_line(covered: Covered, module: str) -> dict[int, set[str]]:
+    return covered.by_line(module)
+
+
+def prepare() -> None:
+    """Imports what tests need, for the processes that are forked from this one."""
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1", "HYPOTHESIS_NO_PLUGINS": "1"}
+    sys.dont_write_bytecode = True
+    for name in LIBRARIES.split():
+        __import__(name)
+
+
+def asked(tests: list[str], copy: Path, seconds: float) -> tuple[str, str]:
+    """Whether tests fail, and which: run in a process of its own, with a limit of its processor's seconds."""
+    temporary = Path(tempfile.mkdtemp(dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
+    process = os.fork()
+    if not process:
+        _ask(tests, copy, temporary, seconds)
+    code = _waited(process, 10.0 * seconds + 300.0)
+    noted, said = (temporary / name for name in ("failed", "said"))
+    by = noted.read_text("utf-8") if noted.exists() else ""
+    if code == USAGE:
+        raise SystemExit(f"pytest: {said.read_text('utf-8')[-2000:]}")
+    shutil.rmtree(temporary, ignore_errors=True)
+    if code == 0:
+        return "survived", ""
+    return ("stopped" if code is None or code == -signal.SIGXCPU else "killed"), by
+
+
+def _waited(process: int, seconds: float) -> int | None:
+    """The code with which a process ends; nothing if it had to be ended."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found, status = os.waitpid(process, os.WNOHANG)
+        if found:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.05)
+    os.killpg(process, signal.SIGKILL)
+    os.waitpid(process, 0)
+    return None
+
+
+def _ask(tests: list[str], copy: Path, temporary: Path, seconds: float) -> None:
+    """Runs tests, and ends this process."""
+    code = 1
+    try:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        said = os.open(temporary / "said", os.O_WRONLY | os.O_CREAT)
+        os.dup2(said, 1)
+        os.dup2(said, 2)
+        os.environ |= {"PYTHONPATH": str(copy / "src"), "TMPDIR": str(temporary)}
+        tempfile.tempdir = str(temporary)
+        sys.path.insert(0, str(copy / "src"))
+        os.chdir(copy)
+        import pytest
+
+        options = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-W", LOADED, *tests]
+        code = int(pytest.main(options, plugins=[Failed(temporary / "failed")]))
+    finally:
+        os._exit(code)
+
+
+class Failed:
+    """A plugin of pytest that notes the test that failed, or the file that could not be read."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def pytest_runtest_logreport(self, report: object) -> None:
+        """Writes its name."""
+        if getattr(report, "failed", False):
+            self.file.write_text(getattr(report, "nodeid", ""), encoding="utf-8")
+
+    pytest_collectreport = pytest_runtest_logreport
+
+
+@cache
+def _texts() -> dict[str, str]:
+    found = sorted((ROOT / "tests").rglob("test_*.py"))
+    return {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in found}
+
+
+@cache
+def _tests_of(module: str) -> tuple[str, ...]:
+    """Files of tests of a module: of the table, of its name or its room's, and those that import it."""
+    table = tomllib.loads((ROOT / "tests" / "modules.toml").read_text("utf-8"))
     place = Path(module).relative_to("src/obseq").with_suffix("")
     begin = tuple(f"test_{name}{end}" for name in (place.name, place.parent.name) for end in ("_", "."))
     named = re.compile(rf"\bobseq\.{'.'.join(place.parts)}\b")
-    found = [checkout / table[name]] if (name := f"{place.as_posix()}.py") in table else []
-    found += [
-        path
-        for path in sorted((checkout / "tests").rglob("test_*.py"))
-        if path.name.startswith(begin)
-        or (path.stem not in WIDE and named.search(path.read_text(encoding="utf-8")))
-    ]
-    return tuple(path.relative_to(checkout).as_posix() for path in dict.fromkeys(found))
-
-
-def _place(item: WorkItem) -> str:
-    (change,) = item.mutations
-    line = f"{change.module_path}:{change.start_pos[0]}:{change.start_pos[1]}"
-    return f"{line} {change.operator_name.removeprefix('core/')} {change.occurrence}"
-
-
-def _sample(checkout: Path, items: list[WorkItem], count: int, seed: int) -> list[WorkItem]:
-    """Changes of what runs, in the order of their places."""
-    files = {_file(item) for item in items}
-    idle = {name: list(_idle((checkout / name).read_text("utf-8"))) for name in files}
-    live = [
-        item
-        for item in items
-        if not item.mutations[0].operator_name.endswith(SAME)
-        and not any(first <= item.mutations[0].start_pos < last for first, last in idle[_file(item)])
-    ]
-    live.sort(key=_place)
-    return random.Random(seed).sample(live, min(count, len(live)))
-
-
-def _file(item: WorkItem) -> str:
-    return str(item.mutations[0].module_path)
-
-
-def _idle(text: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Where annotations, imports for them, and decorators stand: first and last place of each."""
-    for node in ast.walk(ast.parse(text)):
-        parts: list[ast.AST | None] = []
-        if isinstance(node, ast.FunctionDef):
-            parts = [node.returns, *node.decorator_list]
-        elif isinstance(node, ast.ClassDef):
-            parts = [*node.decorator_list, *node.bases]
-        elif isinstance(node, ast.arg | ast.AnnAssign):
-            parts = [node.annotation]
-        elif isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
-            parts = [node]
-        for part in parts:
-            if isinstance(part, ast.expr | ast.stmt):
-                first = part.lineno, part.col_offset
-                yield first, (part.end_lineno or 0, part.end_col_offset or 0)
+    found = [table[name]] if (name := f"{place.as_posix()}.py") in table else []
+    for name, text in _texts().items():
+        own = Path(name)
+        if own.name.startswith(begin) or (own.stem not in WIDE and named.search(text)):
+            found.append(name)
+    return tuple(dict.fromkeys(found))
 
 
 if __name__ == "__main__":

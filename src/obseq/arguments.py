@@ -7,14 +7,12 @@ import math
 import numbers
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
+from types import FunctionType
+from typing import Any, ParamSpec, TypeVar, cast
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable_line
-
-if TYPE_CHECKING:
-    from types import FunctionType
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import logging
 import traceback
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+from typing import TypeVar
 
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")

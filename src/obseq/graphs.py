@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
     from scipy.sparse import csr_array
 
     from obseq.arrays import IndexArray, IntArray
@@ -22,13 +22,15 @@ def parts(n: int, first: NDArray[np.integer], second: NDArray[np.integer]) -> In
 
 
 def outwards(
-    n: int, first: NDArray[np.integer], second: NDArray[np.integer], start: int
+    n: int, first: NDArray[np.integer], second: NDArray[np.integer], starts: ArrayLike
 ) -> tuple[IntArray, IntArray]:
-    """Nodes that joins (m,) lead to from one, the nearest first, and the node (n,) before each on the way."""
+    """Nodes that joins (m,) lead to from some, the nearest first, and the one before each (n,) on the way."""
     from scipy.sparse.csgraph import breadth_first_order
 
-    order, before = breadth_first_order(_graph(n, first, second), start, directed=False)
-    return np.asarray(order, np.int64), np.asarray(before, np.int64)
+    some = np.atleast_1d(starts)
+    ends = np.append(first, np.full(len(some), n)), np.append(second, some)  # one more leads to all of them
+    order, before = breadth_first_order(_graph(n + 1, *ends), n, directed=False)
+    return np.asarray(order[1:], np.int64), np.asarray(before[:n], np.int64)
 
 
 def _graph(n: int, first: NDArray[np.integer], second: NDArray[np.integer]) -> csr_array:

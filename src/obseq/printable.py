@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from collections.abc import Sequence
 
 KEPT = frozenset("\n\t")
 FIRST_BYTE, BYTES = 0xDC00, ("\udc80", "\udcff")

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 from obseq.printable import printable_line
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
 
 FORMULA = frozenset("=+-@")
 """What a cell begins with that a spreadsheet computes."""

@@ -169,3 +169,13 @@ def test_two_cameras_are_resected_and_intersected(folder, capsys):
     (folder / "of.csv").write_text("\n".join(["image,camera", *table[1:]]) + "\n")
     assert main([*command.split(), "--camera-of", "of.csv"]) == 2
     assert f"no row says which camera took {shots[0]}" in capsys.readouterr().err
+
+
+def test_images_outside_the_area_of_the_map_are_said(folder, capsys):
+    projected(folder, capsys)
+    (folder / "far.opk").write_text(SHOTS.replace(" 66", " 6"))
+    command = ["intersect", *SITE, "--points", "measured.mes"]
+    main(command)
+    assert "outside" not in capsys.readouterr().err
+    main([*command, "--shots", "far.opk"])
+    assert "warning: far.opk: A" in capsys.readouterr().err

@@ -47,7 +47,7 @@ def test_a_block_goes_from_tables_to_results(tables, capsys):
     assert "The block is sound" in shown
     assert "Parameters of cameras. c: " in (folder / "out/bundle.txt").read_text()
     record = json.loads((folder / "out/bundle.json").read_text())
-    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 5, 8)
+    assert (record["format"], record["version"], len(record["images"])) == ("obseq-bundle", 6, 8)
     found = np.array([image["centre"] for image in record["images"]])
     sigmas = np.array([image["centre_sigmas"] for image in record["images"]])
     assert (np.abs(found - poses.centres) < 5.0 * sigmas).all()
@@ -175,11 +175,9 @@ def test_blunders_in_a_block_with_robust_weights_are_all_named(tables, capsys):
     assert sorted(np.sign(one["size"][0]) for one in accused) == [-1.0, 1.0]
     assert first.startswith("image ") and "Off by" in first and tests["robust"]
     assert max(item["weight"] for item in tests["largest"][:2]) < 0.2
-    columns = record["residuals"]
     for item in tests["largest"][:2]:
-        image = record["images"][columns["image"][item["row"]]]["name"]
-        point = record["points"][columns["point"][item["row"]]]["name"]
-        assert f"image {image}, point {point} x" in item["name"]
+        measure = record["measures"][item["row"]]
+        assert f"image {measure['image']}, point {measure['point']} x" in item["name"]
     assert "Not usable yet: 2 errors are suspected" in page
     assert page.count('"level":"bad"') == 3  # the verdict, and a finding for each
 

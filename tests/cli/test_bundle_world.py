@@ -1,5 +1,6 @@
 """`obseq bundle` and the world: control in a system, check points, positions with a lever arm."""
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 from obseq import crs
 from obseq.cli.main import main
+from obseq.report import formats
 
 sys.path.append(str(Path(__file__).parents[1] / "images"))
 import flights
@@ -112,3 +114,20 @@ def test_velocities_are_asked_for(tables, capsys):
     path.write_text("\n".join(map(",".join, rows)) + "\n")
     assert main(_options(tables, f"--positions={path}", "--readout=0")) == 2
     assert "columns vx vy vz, or time" in capsys.readouterr().err
+
+
+def test_a_large_block_is_columns(tables, capsys, monkeypatch):
+    out, again = tables / "out", tables / "again"
+    given = _options(tables, f"--control-crs={SYSTEM}", f"--out={out}")
+    code = main([*given, f"--json={tables / 'all.json'}"])
+    monkeypatch.setattr(formats, "LARGE", 100)
+    assert main(given) == code
+    assert "more than 100 observations: bundle.json and bundle.txt, nor kept" in capsys.readouterr().out
+    names = {path.name for path in out.iterdir()}
+    assert {"bundle.npz", "bundle.html", "points.csv"} < names
+    assert not names & {"bundle.json", "bundle.txt"}
+    assert main(["report", str(out / "bundle.npz"), f"--out={again}", f"--json={again}.json"]) == code
+    assert (again / "bundle.html").read_text() == (out / "bundle.html").read_text()
+    one, other = (json.loads(path.read_text()) for path in (tables / "all.json", tables / "again.json"))
+    assert one.pop("run") != other.pop("run")
+    assert one == other

@@ -10,6 +10,7 @@ import pytest
 from obseq.cli.main import main
 from obseq.images import BundleAdjustment, ControlPoints
 from obseq.project import (
+    ProjectTree,
     measures_text,
     points_text,
     read_calibration,
@@ -185,5 +186,16 @@ def test_the_result_file_is_that_of_the_block(garage):
     assert main([*ADJUST, "--json", "r.json", "--ply", "r.ply"]) == 0
     record = json.loads((garage.parent / "r.json").read_text())
     assert (record["format"], len(record["images"]), record["converged"]) == ("obseq-bundle", 6, True)
-    assert len(record["residuals"]["dx"]) == sum(image["n_measures"] for image in record["images"])
+    assert len(record["measures"]) == sum(image["n_measures"] for image in record["images"])
     assert (garage.parent / "r.ply").read_text().startswith("ply")
+
+
+@pytest.mark.parametrize("out", ["../../out", "Elsewhere/Out", "..", "MMVII-PhgrProj/MetaData/Out"])
+def test_a_path_that_leads_elsewhere_is_refused(garage, capsys, out):
+    assert main([*ADJUST[:3], out, *ADJUST[4:]]) == 2
+    assert f"{out}: not in " in capsys.readouterr().err
+    assert not (garage / "Ori/Out").exists()
+
+
+def test_the_path_of_a_folder_is_as_good_as_its_name(garage):
+    assert ProjectTree.at(garage).folder("Ori", "MMVII-PhgrProj/Ori/Out/") == garage / "Ori/Out"

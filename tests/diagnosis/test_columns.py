@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from obseq.diagnosis.columns import Columns
+from obseq.diagnosis.columns import Columns, joint
 from obseq.diagnosis.hypotheses import Family, Hypotheses
 from obseq.diagnosis.linear import Linear
 from obseq.diagnosis.linear_tests import LinearTests
@@ -57,6 +57,40 @@ def test_products_are_those_of_dense_matrices_whichever_way_they_are_found(rows,
     found = columns.grams(linear, sets)
     for own, gram in zip(sets, found, strict=True):
         assert gram == pytest.approx(dense[:, own].T @ left_of(rows) @ dense[:, own], abs=1e-12)
+
+
+def test_products_of_sets_of_three_are_those_of_dense_matrices(rows):
+    dense, linear = mixed_columns(), linear_of(rows, np.zeros(N))
+    sets = np.array([[0, 1, 6], [1, 4, 5], [7, 3, 2]])
+    for is_local in (True, False):
+        columns = Columns(Sparse.of_dense(dense.T), np.full(8, is_local))
+        for own, gram in zip(sets, columns.grams(linear, sets), strict=True):
+            assert gram == pytest.approx(dense[:, own].T @ left_of(rows) @ dense[:, own], abs=1e-12)
+
+
+def test_sets_that_change_one_observation_or_whose_unknowns_are_joined_take_no_solves(rows):
+    dense, linear = mixed_columns(), linear_of(rows, np.zeros(N))
+    sets = np.array([[0, 1], [2, 6], [0, 2], [4, 4], [7, 3]])
+    apart, joined = (Columns(Sparse.of_dense(dense.T), np.full(8, local)) for local in (False, True))
+    assert apart.are_near(linear, sets).tolist() == [True, True, False, False, False]
+    assert joined.are_near(linear, sets).all()
+    assert Columns(dense, np.zeros(8, bool)).are_near(linear, sets).all()  # plain arrays are solved already
+
+
+@pytest.mark.parametrize("share", [1.0, 1e-3, 0.0])
+def test_sets_of_two_are_judged_as_sets_of_three_with_nothing_in_the_third(share):
+    rng = np.random.default_rng(11)
+    roots = rng.normal(size=(20, 2, 2)) * [1.0, share]
+    weights = roots @ roots.transpose(0, 2, 1)
+    shown = np.einsum("gij,gj->gi", weights, rng.normal(size=(20, 2)))
+    larger = np.zeros((20, 3, 3))
+    larger[:, :2, :2] = weights
+    two, three = joint(weights, shown, 1e-4), joint(larger, np.pad(shown, ((0, 0), (0, 1))), 1e-4)
+    np.testing.assert_allclose(two[0], three[0], rtol=1e-9)
+    assert set(two[1].tolist()) == ({2} if share == 1.0 else {1}) and np.array_equal(two[1], three[1])
+    np.testing.assert_allclose(two[2], three[2][:, :2], rtol=1e-7, atol=1e-9)
+    if share == 1.0:
+        np.testing.assert_allclose(np.einsum("gij,gj->gi", weights, two[2]), shown)
 
 
 def test_weights_that_cost_little_are_right_and_the_others_are_left_open(rows):

@@ -5,92 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from linear_model import Array, Linearly, N, U, columns, rows_of
 
-from obseq.diagnosis.columns import Columns
-from obseq.diagnosis.engine import Search, diagnose, noise
-from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear import Linear
+from obseq.diagnosis.engine import Search, diagnose
+from obseq.diagnosis.judgement import noise
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
-from obseq.diagnosis.protocol import Change, Slip
+from obseq.diagnosis.protocol import Change
 from obseq.diagnosis.verdict import Status
-from obseq.leastsquares.sparse import Sparse
 from obseq.records.diagnosis import DiagnosisRecord
-
-Array = NDArray[np.float64]
-N, U = 40, 6
-DRIFT, BLOCK = "T2", "T3"
-
-
-def rows_of(seed: int) -> tuple[Array, Array]:
-    rng = np.random.default_rng(seed)
-    return rng.normal(size=(N, U)), rng.normal(size=N)
-
-
-def hypotheses() -> Hypotheses:
-    """Single rows, an offset of the first eight rows, and the same eight rows as a block."""
-    return Hypotheses(
-        [
-            Family.alone("T1", np.arange(N), is_start=True),
-            Family.alone(DRIFT, np.array([N]), rarity=4.0),
-            Family(BLOCK, np.array([0, 8]), np.arange(8), rarity=8.0, is_block=True),
-        ]
-    )
-
-
-def columns() -> Array:
-    offset = np.zeros((N, 1))
-    offset[:8] = -2.0
-    return np.hstack([-np.eye(N), offset])
-
-
-class Linearly:
-    """A model whose equations are linear: residuals v0 + A x, x where it is."""
-
-    def __init__(self, matrix: Array, noise: Array) -> None:
-        self.matrix, self.observed = matrix, noise
-        self.hypotheses = hypotheses()
-        self.adjustments = 0
-
-    def solution(self) -> Array | None:
-        return self._at(())
-
-    def robust(self, without: Sequence[Change] = ()) -> Array:
-        place = self._at(without)
-        for _ in range(30):
-            off = self.observed + self.matrix @ place
-            weights = 1.0 / np.maximum(np.abs(off), 1e-3)
-            normal = self.matrix.T @ (weights[:, None] * self.matrix)
-            place = np.asarray(np.linalg.solve(normal, -self.matrix.T @ (weights * self.observed)))
-        return place
-
-    def linearised(self, place: Array, applied: Sequence[Change]) -> tuple[Linear, Columns]:
-        inverse = np.linalg.inv(self.matrix.T @ self.matrix)
-        leverages = np.einsum("ij,jk,ik->i", self.matrix, inverse, self.matrix)
-        linear = Linear(
-            self.observed + self.matrix @ place,
-            Sparse.of_dense(self.matrix),
-            Sparse.of_diagonal(np.ones(N)),
-            lambda: Sparse.of_dense(inverse),
-            Sparse.of_diagonal(leverages),
-            lambda right: inverse @ right,
-            N - U,
-        )
-        return linear, Columns(Sparse.of_dense(columns().T), np.arange(N + 1) < N)
-
-    def adjusted(self, place: Array, changes: Sequence[Change]) -> tuple[Array, bool, int]:
-        self.adjustments += 1
-        return self._at(changes), True, 1
-
-    def _at(self, changes: Sequence[Change]) -> Array:
-        off = self.observed.copy()
-        for change in changes:
-            off -= columns()[:, self.hypotheses.of(change.index)] @ change.size
-        return np.asarray(-np.linalg.lstsq(self.matrix, off, rcond=None)[0])
-
-    def slips(self, change: Change, place: Array) -> tuple[Slip, ...]:
-        return ()
 
 
 def cost(matrix: Array, observed: Array) -> float:
@@ -288,6 +211,15 @@ def test_large_models_stop_after_fewer_iterations_and_small_ones_say_when_theirs
     assert model.starts == [0]  # too many: another start would not make them few
     verdict = diagnose(Counting(*everywhere(0)), replace(POLICY, steps=1))
     assert "the 1 iterations for that are spent" in verdict.reason
+
+
+def test_what_a_search_listed_before_its_iterations_were_spent_is_not_accused() -> None:
+    matrix, noise = rows_of(9)
+    noise[17] += 30.0
+    assert diagnose(Linearly(matrix, 10.0 * noise)).accused
+    verdict = diagnose(Linearly(matrix, 10.0 * noise), replace(POLICY, steps=1))
+    assert verdict.status is Status.UNDECIDED and not verdict.accused
+    assert verdict.left > 0.0 and verdict.redundancy == N - U - 1
 
 
 @pytest.mark.parametrize("size", [9.0, 1e4])

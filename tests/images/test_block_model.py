@@ -92,3 +92,31 @@ def test_nothing_is_wrong_with_what_is_held_rightly():
     block = _block()
     block.control = ControlPoints.of(block.control.names, block.control.coordinates)
     assert diagnosis(block).status == "accepted"
+
+
+def _sparse(n_images, point, axis, by, seed, has_poses=True):
+    """A block of free cameras, a tenth of whose measures are missing, with a control point far off."""
+    block, _, _ = scenes.block(n_images=n_images, n_points=40, n_control=6, seed=seed)
+    block.freeze_parameters("p.|b.")
+    block.poses = scenes.moved(block.poses, 0.1, 0.01, seed=seed) if has_poses else block.poses.select([])
+    kept = np.random.default_rng(seed).random(len(block.sets[0].measures)) < 0.9
+    block.sets[0] = block.sets[0].of_rows(kept)
+    block.control.coordinates[point, axis] += by
+    return block
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("axis", "by", "has_poses", "seed"),
+    [(1, -8.0, True, 1), (0, 8.0, True, 6), (0, -8.0, False, 6), (1, -8.0, True, 4)],
+)
+def test_a_control_point_farther_off_than_the_block_is_wide_is_named_alone(axis, by, has_poses, seed):
+    (one,) = diagnosis(_sparse(4, 2, axis, by, seed, has_poses)).accused
+    assert one.what == f"{'xyz'[axis]} of control point P2"
+    assert one.size == pytest.approx([by], abs=0.02)
+
+
+@pytest.mark.slow
+def test_other_starts_are_tried_where_more_is_off_than_is_told_one_by_one():
+    (one,) = diagnosis(_sparse(6, 2, 2, -8.0, 2)).accused
+    assert (one.what, one.size) == ("z of control point P2", pytest.approx([-8.0], abs=0.02))

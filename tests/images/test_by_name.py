@@ -182,11 +182,12 @@ def test_a_free_block_and_a_scale(block):
 
 
 def test_results_are_saved_and_loaded(solution, tmp_path):
-    for name in ("b.json", "b.html", "b.txt"):
+    for name in ("b.json", "b.html", "b.txt", "b.npz"):
         solution.save(tmp_path / name)
-    loaded = obseq.load(tmp_path / "b.json")
-    assert loaded.table("points")["z"] == solution.table("points")["z"]
-    with pytest.raises(InputError, match=r"b\.odt: a result is saved as \.json, \.html, \.txt"):
+    for name in ("b.json", "b.npz"):
+        loaded = obseq.load(tmp_path / name)
+        assert loaded.table("points")["z"] == solution.table("points")["z"]
+    with pytest.raises(InputError, match=r"b\.odt: a result is saved as \.json, \.html, \.txt, \.npz"):
         solution.save(tmp_path / "b.odt")
 
 

@@ -19,6 +19,7 @@ from obseq.images.output.page import page
 from obseq.images.output.page_charts import cameras
 from obseq.images.output.record import record_of
 from obseq.report.formats import FORMATS
+from obseq.report.result_columns import write_columns
 from obseq.report.result_file import read_plain
 
 
@@ -86,13 +87,13 @@ def test_a_page_without_precisions(solved):
 
 def test_all_residuals_are_in_the_record(solved):
     record = record_of(solved)
-    columns, found = record.residuals, solved.residuals
-    assert len(columns.dx) == len(found.image)
-    norms = np.hypot(columns.dx, columns.dy)
-    first = np.array(columns.image) == 0
+    measures, found = record.measures, solved.residuals
+    assert len(measures) == len(found.image)
+    norms = np.hypot(measures.numbers("dx"), measures.numbers("dy"))
+    first = [measure.image == record.images[0].name for measure in measures]
     rms = np.sqrt(np.mean(norms[first] ** 2) / 2.0)
     assert rms == pytest.approx(record.images[0].rms, rel=1e-12)
-    assert columns.weight.count(0.0) == 1
+    assert measures.values("weight").count(0.0) == 1
 
 
 def test_the_plan_has_points_cameras_and_their_ellipses(solved):
@@ -115,15 +116,15 @@ def test_residuals_stand_at_their_measures_on_the_frames(solved):
     frames, calibration = content(page(record))["sections"][:2]
     assert len(frames["charts"]) == len(record.images)
     worst = max(range(len(record.images)), key=lambda k: record.images[k].rms)
-    rows = [k for k, image in enumerate(record.residuals.image) if image == worst]
+    rows = [row for row in record.measures if row.image == record.images[worst].name]
     first = frames["charts"][0]
     assert first["title"] == record.images[worst].name
-    assert first["dx"] == pytest.approx([record.residuals.dx[k] for k in rows], abs=1e-4)
-    assert first["x"] == pytest.approx([record.residuals.x[k] for k in rows], abs=0.1)
+    assert first["dx"] == pytest.approx([row.dx for row in rows], abs=1e-4)
+    assert first["x"] == pytest.approx([row.x for row in rows], abs=0.1)
     kinds = [chart["kind"] for chart in calibration["charts"]]
     assert kinds == ["frame", "profile", "coverage", "matrix", "grid"]
     counts = np.array(calibration["charts"][2]["counts"])
-    x, y = (np.array(values) for values in (record.residuals.x, record.residuals.y))
+    x, y = (record.measures.numbers(axis) for axis in "xy")
     size = np.array([record.cameras[0].width, record.cameras[0].height])
     is_first = (x < size[0] / 8) & (y < size[1] / 6)
     assert (counts.sum(), counts[0, 0]) == (len(x), np.count_nonzero(is_first))
@@ -152,8 +153,13 @@ def test_the_grid_without_distortion_is_that_of_the_image():
 def test_the_page_of_a_stored_result_is_that_of_the_solution(solved, tmp_path, capsys):
     """Nothing is computed again, and nothing but the file is needed."""
     record = record_of(solved)
-    path = tmp_path / "bundle.json"
-    path.write_text(record.to_json())
+    path = tmp_path / "bundle.npz"
+    with path.open("wb") as file:
+        write_columns(file, record)
+    with np.load(path) as columns:
+        np.testing.assert_array_equal(columns["measures.dx"], solved.residuals.residuals[:, 0])
+        np.testing.assert_array_equal(columns["measures.w_y"], solved.reliability().w[:, 1])
+        assert len(columns["points.covariance"]) == len(record.points)
     assert load(path) == record
     code = main(["report", str(path), f"--out={tmp_path / 'again'}"])
     assert code == (0 if record.is_complete else 1)
@@ -166,7 +172,7 @@ def test_the_page_of_a_stored_result_is_that_of_the_solution(solved, tmp_path, c
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ('"version": 5', '"version": 4', "format obseq-bundle 4 is not read"),
+        ('"version": 6', '"version": 5', "format obseq-bundle 5 is not read"),
         ('"redundancy":', '"other":', "missing required field `redundancy`"),
         ('"images": [', '"images": [7, ', r"images\[0\]: Expected `object`"),
         ("{", "{{", "it is not a result file"),
@@ -184,13 +190,10 @@ def test_results_of_blocks_that_are_wrong_are_refused(solved, tmp_path, before, 
 
 def test_the_tests_of_all_image_points_are_in_the_record(solved):
     record, found = record_of(solved), solved.reliability()
-    columns = record.reliability.all
-    assert len(columns.w_x) == len(record.residuals.dx)
-    assert sum(columns.redundancy_x) + sum(columns.redundancy_y) == pytest.approx(
-        record.reliability.redundancy
-    )
-    np.testing.assert_array_equal(columns.w_x, found.w[:, 0])
-    np.testing.assert_array_equal(columns.detectable_y, found.detectable[:, 1])
+    redundancies = [record.measures.numbers(f"redundancy_{axis}").sum() for axis in "xy"]
+    assert sum(redundancies) == pytest.approx(record.reliability.redundancy)
+    np.testing.assert_array_equal(record.measures.numbers("w_x"), found.w[:, 0])
+    np.testing.assert_array_equal(record.measures.numbers("detectable_y"), found.detectable[:, 1])
 
 
 def test_a_camera_without_size_is_drawn(solved):

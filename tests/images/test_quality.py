@@ -111,7 +111,7 @@ def test_the_record_and_the_page_have_the_tests(clean):
     assert found.tested + found.uncontrolled == reliability.w.size
     assert found.beyond == np.count_nonzero(np.abs(reliability.w) > reliability.whole.w_critical)
     row = reliability.worst(1)[0]
-    worst = record.measures()[row]
+    worst = record.measures[row]
     assert f"image {worst.image}, point {worst.point}" == reliability.label(row)
     np.testing.assert_allclose((worst.w_x, worst.w_y), reliability.w[row])
     assert f"{max(map(abs, (worst.w_x, worst.w_y))):.2f}" in page(record)

@@ -2,6 +2,7 @@
 
 import errno
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
 import numpy as np
@@ -318,6 +319,25 @@ class Deserted:
     def submit(self, *_, **__):
         self.workers = {}
         return Future()
+
+    def wait_for_workers(self, count, timeout):
+        assert (count, timeout) == (1, workers.STARTING)
+        if not self.workers:
+            raise TimeoutError
+
+
+class Lost(ThreadPoolExecutor):
+    """A pool that loses the process of a task."""
+
+    def submit(self, *_, **__):
+        future = Future()
+        future.set_exception(BrokenProcessPool("terminated abruptly"))
+        return future
+
+
+def test_a_lost_pool_is_told():
+    with Lost(2) as pool, pytest.raises(InputError, match=r"a part was lost .*BrokenProcessPool.*--resume"):
+        in_blocks(client=pool)
 
 
 def test_a_cluster_without_workers_is_not_waited_for(monkeypatch):

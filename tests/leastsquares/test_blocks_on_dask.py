@@ -4,13 +4,16 @@ import os
 import signal
 import subprocess
 import sys
-from concurrent.futures import Executor
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_blocks import in_blocks
 
+from obseq.errors import InputError
+from obseq.leastsquares.blocks import workers
+
+dask = pytest.importorskip("dask", reason="Dask is not installed (obseq[dask])")
 distributed = pytest.importorskip("distributed", reason="Dask is not installed (obseq[dask])")
 pytestmark = pytest.mark.slow
 
@@ -19,42 +22,47 @@ import sys
 sys.path.insert(0, sys.argv[1])
 from distributed import Client
 from test_blocks import in_blocks
-from test_blocks_on_dask import Counting
+from test_blocks_on_dask import counted
 
-in_blocks(client=Counting(Client(sys.argv[2])), work=sys.argv[3])
+counted()
+in_blocks(client=Client(sys.argv[2]), work=sys.argv[3])
 """
-"""A client that says so at each task."""
+"""A client that says what it gives away."""
+PHASES = ("prepare", "eliminate", "reduce", "expand", "invert")
 
 
-class Counting(Executor):
-    """Says what it gives a client."""
+def counted():
+    """From now on what is given to workers is printed."""
+    submit = workers.Workers.submit
 
-    def __init__(self, client):
-        self.client = client
-        self._executor = client.get_executor(pure=False)
-
-    def submit(self, function, /, *arguments, **_):
+    def told(self, function, *arguments):
         sys.stdout.write(f"{arguments[1].__name__}\n")
         sys.stdout.flush()
-        return self._executor.submit(function, *arguments)
+        return submit(self, function, *arguments)
+
+    workers.Workers.submit = told
 
 
-class KillsAWorker(Counting):
-    """Kills a worker that has begun with the first task of each kind; another one is there."""
+def kill(client, count):
+    """Kills some of the workers of this machine."""
+    for process in list(client.run(os.getpid, on_error="ignore").values())[:count]:
+        os.kill(process, signal.SIGKILL)
 
-    def __init__(self, client, *kinds):
-        super().__init__(client)
-        self._kinds = set(kinds)
 
-    def submit(self, function, /, *arguments, **_):
-        kills = arguments[1].__name__ in self._kinds
-        if kills:  # on a busy machine the one that was killed before is not back at once, or never
-            self.client.wait_for_workers(2, timeout=120)
-        future = self._executor.submit(function, *arguments)
-        if kills:
-            self._kinds.remove(arguments[1].__name__)
-            os.kill(next(iter(self.client.run(os.getpid).values())), signal.SIGKILL)
+@pytest.fixture
+def killing(monkeypatch, request):
+    """Kills workers that have begun with the first task of each kind; gives the kinds that are left."""
+    submit, left = workers.Workers.submit, set(PHASES)
+
+    def begun(self, function, *arguments):
+        future = submit(self, function, *arguments)
+        if arguments[1].__name__ in left:
+            left.remove(arguments[1].__name__)
+            kill(self._client, request.param)
         return future
+
+    monkeypatch.setattr(workers.Workers, "submit", begun)
+    return left
 
 
 @pytest.fixture(scope="module")
@@ -94,10 +102,17 @@ def test_workers_of_this_machine(expected):
     check(expected, client=2, memory="2GB")
 
 
-def test_workers_that_die_in_each_phase_change_nothing(client, expected):
-    dying = KillsAWorker(client, "prepare", "eliminate", "reduce", "expand", "invert")
-    check(expected, client=dying)
-    assert not dying._kinds
+@pytest.mark.parametrize("killing", [1, 2], indirect=True)
+def test_workers_that_die_in_each_phase_change_nothing(expected, killing, monkeypatch):
+    monkeypatch.setattr(workers, "PATIENCE", 5.0)
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "100ms"}):  # those killed are given up
+        check(expected, client=2)
+    assert not killing
+
+
+def test_an_executor_of_dask_is_refused(client):
+    with pytest.raises(InputError, match="give the Dask client in place of its executor"):
+        in_blocks(client=client.get_executor())
 
 
 def test_a_client_that_dies_is_taken_up(client, expected, tmp_path):

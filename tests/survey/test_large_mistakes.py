@@ -14,6 +14,7 @@ from obseq.survey import Network
 from obseq.survey.causes.notes import Notes
 from obseq.survey.diagnosing.network_model import NetworkModel
 from obseq.survey.diagnosing.rewritings import part_that_shows
+from obseq.survey.kinds.directions import ZEN
 from obseq.survey.kinds.lengths import DIST
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "benchmarks" / "make_network.py"
@@ -41,6 +42,44 @@ def test_a_part_is_about_the_worst_point_and_reaches_known_points(files):
     assert kept[network.points.index["P300"]] and 200 < np.count_nonzero(inside) < 1000
     assert np.count_nonzero(kept & ~network.points.is_free.any(axis=1)) >= 4
     assert part_that_shows(notes, off, len(rows)) is None
+
+
+def test_a_part_is_about_all_known_points_that_nothing_agrees_with(files):
+    network = Network.read(*files, frame=FRAME)
+    notes, rows = Notes(network.points, network.book), network.book.observations
+    named = network.book.counts(rows.active, len(network.points))
+    far = np.flatnonzero(~network.points.is_free.any(axis=1))[[0, -1]]
+    off = np.zeros(len(network.points), np.int64)
+    off[far] = named[far]
+    kept = part_that_shows(notes, off, 400)
+    for point in far:
+        sights = (rows.from_points == point) | (rows.to_points == point)
+        assert (kept[rows.from_points[sights]] & kept[rows.to_points[sights]]).all()
+
+
+@pytest.mark.slow(reason="a dozen rewritings are tried on a part, one on the whole")
+def test_zenith_angles_in_degrees_are_one_error(files):
+    network = Network.read(*files, frame=FRAME)
+    rows = network.book.observations
+    values = np.where(rows.types == ZEN.code, 0.9 * rows.values, rows.values)
+    spoilt = replace(network, book=replace(network.book, observations=replace(rows, values=values)))
+    (error,) = spoilt.adjust().diagnosis.accused
+    assert error.code == "S200" and [slip.code for slip in error.slips] == ["W100"]
+    assert len(error.observations) == np.count_nonzero(rows.types == ZEN.code)
+
+
+@pytest.mark.slow(reason="rewritings are tried on a part, one on the whole")
+def test_exchanged_names_of_known_points_far_from_each_other_are_one_error(files):
+    network = Network.read(*files, frame=FRAME)
+    points, rows = network.points, network.book.observations
+    (known,) = np.nonzero(~points.is_free.any(axis=1))
+    far = known[np.argsort(-network.book.counts(rows.active, len(points))[known])[:2]]  # seen most often
+    coordinates = points.coordinates.copy()
+    coordinates[far] = coordinates[far[::-1]]
+    spoilt = replace(network, points=replace(points, coordinates=coordinates))
+    (error,) = spoilt.adjust().diagnosis.accused
+    assert error.code == "S113" and [slip.code for slip in error.slips] == ["W133"]
+    assert {point.name for point in error.points} == {points.names[row] for row in far}
 
 
 @pytest.mark.slow(reason="a dozen rewritings are tried on a part, one on the whole")

@@ -107,3 +107,11 @@ def test_a_forgotten_height_of_one_target_is_named(tmp_path):
         if (line.origin, line.target) == ("P2", "P4") and line.code in "36"
     }
     assert any(lines(one) == wrong and one.code == "S131" for one in alternatives(error))
+
+
+def test_an_instrument_on_another_point_than_is_noted_is_named(tmp_path):
+    found = [line for line in measured() if (line.origin, line.target) != ("P2", "P1")]
+    noted = [replace(line, origin="P1") if line.origin == "P2" else line for line in found]
+    (error,) = network(tmp_path, noted).gross_errors()
+    assert error.code == "S161" and [slip.text for slip in error.slips] == ["the instrument stood on P2"]
+    assert lines(error) == {k for k, line in enumerate(found, 1) if line.origin == "P2"}

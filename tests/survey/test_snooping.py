@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_quality import SIGMA, distances
+from distances import SIGMA, distances
 
 from obseq.diagnosis.engine import Search
 from obseq.survey import Network, Quality

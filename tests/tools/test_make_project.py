@@ -73,7 +73,7 @@ def test_two_cameras_on_a_bar_are_adjusted_by_the_documented_commands(maker, tmp
     for off in _normalised(record, truth):
         assert np.abs(off).max() < 4.5
         assert np.sqrt(np.mean(off**2)) < 1.6
-    assert sum(weight < 0.01 for weight in record["residuals"]["weight"]) == 2
+    assert sum(measure.get("weight", 1.0) < 0.01 for measure in record["measures"]) == 2
     assert len(read_control_points(tmp_path / "MMVII-PhgrProj/ObjCoordWorld/Adjusted")) == 43
     adjusted, given = (read_topo(tmp_path / "MMVII-PhgrProj/Topo" / name) for name in ("FieldOut2", "Field"))
     assert len(adjusted.observations) == len(given.observations)

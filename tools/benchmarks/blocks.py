@@ -5,8 +5,9 @@
     python tools/benchmarks/blocks.py --points 10000 --images 100 --kill
 
 Each run is a process of its own; its peak of memory is that of the operating system. With two workers of
-Dask, `--kill` kills one of them in each phase. A network is that of `bench_network.py`. An image block has
-80 % of overlap along and 60 % across, tie points in up to five images, one self-calibrating camera.
+Dask, `--kill` kills one of them in each phase, and the process that asked, which is taken up. A network is
+that of `bench_network.py`. An image block has 80 % of overlap along and 60 % across, tie points in up to five
+images, one self-calibrating camera.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "scaling.md"
 POINTS, IMAGES = (10_000, 30_000, 100_000), (100, 400)
 WAYS = ("at once", "8 parts", "32 parts", "2 workers")
+KILLED, STOPPED, RESUMED = "2 workers, killed", "2 workers, client killed", "2 workers, resumed"
 HEIGHT, BASE, STRIP, HALF, RAYS, TIED = 1000.0, 200.0, 400.0, 500.0, 5, 250
 PAPER = {"survey": (1_000_000, 10_000_000), "flight": (10_000, 100_000)}
 
@@ -106,40 +107,51 @@ def _block(*given: Any) -> LeastSquares:
 MADE = {"survey": lambda size: survey(size, 1), "flight": flight}
 
 
-class Killing(Executor):
-    """Gives tasks to Dask, and kills a worker that has begun with the first of each phase."""
+def killing(blocks: Blocks) -> None:
+    """From now on a worker is killed that has begun with the first task of each phase."""
+    workers, left = blocks.run._workers, {"prepare", "eliminate", "reduce", "expand", "invert"}
+    submit = workers.submit
 
-    def __init__(self, client: Any) -> None:
-        self.client, self._executor = client, client.get_executor(pure=False)
-        self._max_workers = 2
-        self._left = {"prepare", "eliminate", "reduce", "expand", "invert"}
-
-    def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Any:
-        """Gives a task away."""
-        future = self._executor.submit(function, *arguments)
-        if arguments[1].__name__ in self._left:
-            self._left.remove(arguments[1].__name__)
-            os.kill(next(iter(self.client.run(os.getpid).values())), signal.SIGKILL)
+    def begun(function: Any, *arguments: Any) -> Any:
+        future = submit(function, *arguments)
+        if arguments[1].__name__ in left:
+            left.remove(arguments[1].__name__)
+            (process, *_) = workers._client.run(os.getpid, on_error="ignore").values() or (None,)
+            if process is not None:
+                print(f"{arguments[1].__name__}: a worker is killed", file=sys.stderr, flush=True)
+                os.kill(process, signal.SIGKILL)
         return future
 
+    workers.submit = begun  # type: ignore[method-assign]
 
-def cluster() -> Any:
-    """Two workers of this machine."""
-    from distributed import Client, LocalCluster
 
-    client = Client(LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None))
-    client.wait_for_workers(2)
-    return client
+def stopping(blocks: Blocks) -> None:
+    """This process is killed when it has given away the first of the last tasks."""
+    workers = blocks.run._workers
+    submit = workers.submit
+
+    def begun(function: Any, *arguments: Any) -> Any:
+        if arguments[1].__name__ == "invert":
+            os.kill(os.getpid(), signal.SIGKILL)
+        return submit(function, *arguments)
+
+    workers.submit = begun  # type: ignore[method-assign]
+
+
+FAULTS = {KILLED: killing, STOPPED: stopping}
 
 
 def alone(kind: str, size: int, way: str, file: Path) -> Figures:
     """One run: its figures; what it found goes into a file."""
     told: list[str] = []
     system, blocks = MADE[kind](size), None
-    if way.endswith("parts"):
-        blocks = Blocks(parts=int(way.split()[0]), tell=told.append)
-    elif way != "at once":
-        blocks = Blocks(client=Killing(cluster()) if "killed" in way else cluster(), tell=told.append)
+    if way != "at once":
+        count = int(way.split()[0])
+        who = {"client": count} if "workers" in way else {"parts": count}
+        work = file.parent if way in (STOPPED, RESUMED) else None
+        blocks = Blocks(**who, work=work, resume=way == RESUMED, tell=told.append)
+    if blocks is not None and way in FAULTS:
+        FAULTS[way](blocks)
     system._analyses = Analyses(system.problem, blocks or "auto", 1)
     start, wall = spent(), time.perf_counter()
     result = system.solve(covariance=True)
@@ -151,6 +163,8 @@ def alone(kind: str, size: int, way: str, file: Path) -> Figures:
     ]
     figures |= {"peak": peak(), "told": told, "iterations": len(result.iterations)}
     np.savez(file, *found, _last_places(system, result, quality))
+    if blocks is not None:
+        blocks.close()
     return figures
 
 
@@ -178,9 +192,12 @@ def peak() -> float:
 
 
 def run(kind: str, size: int, way: str, file: Path) -> Figures:
-    """`alone`, in a process of its own."""
+    """`alone`, in a process of its own; of what is resumed one before it is killed."""
     command = [sys.executable, __file__, "--alone", kind, str(size), way, str(file)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    if way == RESUMED:
+        stopped = subprocess.run([*command[:5], STOPPED, str(file)], check=False).returncode
+        assert stopped == -signal.SIGKILL, stopped
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     found: Figures = json.loads(done.stdout.splitlines()[-1])
     return found
 
@@ -275,7 +292,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--points", type=int, nargs="*", default=POINTS)
     parser.add_argument("--images", type=int, nargs="*", default=IMAGES)
     parser.add_argument("--ways", nargs="+", default=WAYS)
-    parser.add_argument("--kill", action="store_true", help="also with workers that are killed in each phase")
+    parser.add_argument(
+        "--kill", action="store_true", help="also with workers, and a client, that are killed"
+    )
     parser.add_argument("--write", action="store_true", help="write the tables in docs/scaling.md")
     parser.add_argument("--alone", nargs=4, metavar=("KIND", "SIZE", "WAY", "FILE"))
     return parser.parse_args()
@@ -288,7 +307,7 @@ def main() -> None:
         kind, size, way, file = options.alone
         print(json.dumps(alone(kind, int(size), way, Path(file))))
         return
-    ways = [*options.ways, *(["2 workers, killed"] if options.kill else [])]
+    ways = [*options.ways, *([KILLED, RESUMED] if options.kill else [])]
     kinds = {"survey": sorted(options.points), "flight": sorted(options.images)}
     kinds = {kind: sizes for kind, sizes in kinds.items() if sizes}
     tables = {"blocks": "\n\n".join(measured(kind, sizes, ways) for kind, sizes in kinds.items())}

@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -29,9 +28,7 @@ from obseq.records.comparison import ComparisonRecord
 from obseq.records.plan import PlanRecord
 from obseq.records.record import from_plain
 from obseq.records.shown_units import chosen_units
-from obseq.report.result_columns import write_columns
-from obseq.report.result_file import read_plain, write_json
-from obseq.report.summary import listing
+from obseq.report.result_file import read_plain
 from obseq.writing import Content, check_writable, write_all
 
 STEMS = {"obseq-bundle": "bundle", "obseq-plan": "plan", "obseq-comparison": "comparison"}
@@ -89,20 +86,14 @@ def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> 
 def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
     """The same of a block of images."""
     from obseq.images.output.block_record import block_record_of
-    from obseq.images.output.page import outcome, page
+    from obseq.images.output.page import contents, outcome
 
     if arguments.units:
         raise InputError("--units: reports of blocks of images are in the unit of their world, and in pixels")
     record = block_record_of(plain, str(arguments.result))
     found = outcome(record)
-    size = len(record.residuals.image)
-    texts: dict[str, Callable[[], Content]] = {
-        "text": lambda: listing(found),
-        "json": lambda: partial(write_json, record=record),
-        "html": lambda: page(record),
-        "npz": lambda: partial(write_columns, record=record),
-    }
-    _write(texts, suiting(size, outputs))
+    size = len(record.measures)
+    _write(contents(record), suiting(size, outputs))
     forget(size, outputs)
     show(found, _paths(suiting(size, outputs)), detail_of(arguments, ""))
     tell_not_written(size, outputs)

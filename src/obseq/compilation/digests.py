@@ -9,19 +9,17 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import linecache
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from obseq.cached import cached_property
 from obseq.compilation.settings import SETTINGS
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 DIGITS = 16
 """Hexadecimal digits of a digest."""

@@ -6,12 +6,10 @@ arrays is handed over member by member.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from types import FunctionType
+from typing import Any
 
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from types import FunctionType
 
 ARRAYS = {
     "FloatArray": ("float64", 1),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +18,6 @@ from obseq.crs.proj import ProjSystem
 from obseq.crs.system import CoordinateSystem, Kind, east_north_up
 from obseq.dataclass import dataclass
 from obseq.geometry import rotation_x, rotation_y, rotation_z
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
 
 Coordinates = tuple[float, float, float]
 

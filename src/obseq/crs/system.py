@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, expecting
+from obseq.arrays import FloatArray
 from obseq.crs.operations import geodetic_from_geocentric
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
 
 
 class Kind(StrEnum):

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from obseq.dataclass import dataclass
+from obseq.leastsquares.sparse import Sparse
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
     from obseq.diagnosis.linear import Linear
-    from obseq.leastsquares.sparse import Sparse
 
     Lost = Callable[[Sparse], FloatArray]
 
@@ -85,15 +85,8 @@ class Columns:
         return max(1, min(CHUNK, _NUMBERS // max(n, 1)))
 
     def lost(self, linear: Linear, which: IntArray) -> FloatArray:
-        """(m,) what the unknowns take of the squares of some of them: C' A Q A' C of each."""
-        if linear.forms is not None and not isinstance(self.matrix, np.ndarray):
-            return linear.forms(self._each.some(which) @ cast("Sparse", linear.rows))
-        result = np.empty(len(which))
-        for first in range(0, len(which), self.at_a_time):
-            through = linear.back(self.some(which[first : first + self.at_a_time]))
-            solved = linear.solve(through) if len(through) else through
-            result[first : first + self.at_a_time] = np.einsum("ij,ij->j", through, solved)
-        return result
+        """(m,) what the unknowns take of the squares of some of a sparse matrix: C' A Q A' C of each."""
+        return linear.lost(self._each.some(which) @ cast("Sparse", linear.rows))
 
     def weights_apart(self, linear: Linear) -> FloatArray:
         """(k,) M of each, of length 1, as if its equations had no unknowns in common."""
@@ -158,6 +151,13 @@ class Columns:
                 result[part] = _inner(flat, flat, q) - lost(flat)
         return result
 
+    def gram(self, linear: Linear, own: IntArray) -> FloatArray:
+        """(q, q) C' R C of some columns, whose unknowns need not be joined."""
+        if isinstance(self.matrix, np.ndarray):
+            return np.asarray(self.grams(linear, own[None])[0])
+        flat = self._each.some(own)
+        return np.asarray((_inner(flat, flat, len(own)) - _lost_by_all(linear, flat, len(own)))[0])
+
     def _ways(self, linear: Linear, q: int, sets: IntArray) -> list[tuple[IntArray, Lost]]:
         """Sets by how what the unknowns take of their columns is found."""
         rows, taken = cast("Sparse", linear.rows), cast("Sparse", linear.taken)
@@ -166,17 +166,12 @@ class Columns:
             through = flat @ rows
             return _inner(through, through @ cast("Sparse", linear.cofactors), q)
 
-        def exactly(flat: Sparse) -> FloatArray:
-            through = _through(linear, flat)
-            before, after = (one.reshape(len(one), -1, q) for one in (through, linear.solve(through)))
-            return np.asarray(np.einsum("ugi,ugj->gij", before, after))
-
         is_within = self._are_within(linear, sets)
         is_local = ~is_within & self.is_local[sets].all(axis=1)
         return [
             (np.flatnonzero(is_within), lambda flat: _inner(flat, flat @ taken, q)),
             (np.flatnonzero(is_local), locally),
-            (np.flatnonzero(~is_within & ~is_local), exactly),
+            (np.flatnonzero(~is_within & ~is_local), lambda flat: _lost_by_all(linear, flat, q)),
         ]
 
     def _through(self, linear: Linear) -> tuple[FloatArray, FloatArray]:
@@ -188,17 +183,35 @@ class Columns:
         return self._kept[0]
 
 
-def _through(linear: Linear, columns: Sparse) -> FloatArray:
-    """(u, m) A' times columns (m, n), which are rows here."""
-    return np.ascontiguousarray((columns @ cast("Sparse", linear.rows)).toarray().T)
+def _lost_by_all(linear: Linear, flat: Sparse, q: int) -> FloatArray:
+    """(g, q, q) what the unknowns take of sets of columns: x'y is half of (x + y)'(x + y) - x'x - y'y."""
+    through = flat @ cast("Sparse", linear.rows)
+    firsts, seconds = _pairs(flat.shape[0], q)
+    both = through.some(np.column_stack([firsts, seconds]).ravel())
+    sums = Sparse(both.values, both.columns, both.starts[::2], both.shape[1])
+    own, together = linear.lost(through), linear.lost(sums)
+    return _squares(0.5 * (together - own[firsts] - own[seconds]), q)
 
 
 def _inner(left: Sparse, right: Sparse, q: int) -> FloatArray:
-    """(g, q, q) products of the rows of each set, which follow each other."""
-    parts = q * np.arange(left.shape[0] // q)[:, None] + np.arange(q)
-    firsts, seconds = ([matrix.some(part) for part in parts.T] for matrix in (left, right))
-    products = [[first.dots(second) for second in seconds] for first in firsts]
-    return np.array(products).reshape(q, q, -1).transpose(2, 0, 1)
+    """(g, q, q) products of the rows of each set, which follow each other; they are symmetric."""
+    firsts, seconds = _pairs(left.shape[0], q)
+    return _squares(left.some(firsts).dots(right.some(seconds)), q)
+
+
+def _pairs(count: int, q: int) -> tuple[IntArray, IntArray]:
+    """Rows of both members of all pairs in sets of q rows that follow each other."""
+    first, second = np.triu_indices(q)
+    starts = np.arange(0, count, q)[:, None]
+    return (starts + first).ravel(), (starts + second).ravel()
+
+
+def _squares(products: FloatArray, q: int) -> FloatArray:
+    """(g, q, q) symmetric matrices of the products of pairs."""
+    first, second = np.triu_indices(q)
+    result = np.empty((len(products) // len(first), q, q))
+    result[:, first, second] = result[:, second, first] = products.reshape(-1, len(first))
+    return result
 
 
 def joint(weights: FloatArray, shown: FloatArray, unseen: float) -> tuple[FloatArray, IntArray, FloatArray]:

@@ -37,33 +37,6 @@ def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = N
     return search.at_first() or search.patiently()
 
 
-def noise(model: Model[Place]) -> float:
-    """The variance factor of what a linear model leaves without errors that stand out; 0 without any test.
-
-    It begins at that of the median of all tests, which an error that spoils many makes too large, and falls
-    as long as errors stand out of it.
-    """
-    hypotheses = model.hypotheses
-    tests = LinearTests(*model.linearised(model.robust(), ()), hypotheses, POLICY)
-    found = tests.tests(tests.given(()), blocks=False)
-    seen = hypotheses.is_start & (found.statistic > 0.0)
-    if not seen.any():
-        return 0.0
-    tests.scale = float(np.median(found.statistic[seen] / found.noise[seen])) / _MEDIAN
-    for _ in range(POLICY.rounds):
-        chosen = select(tests)
-        spare = tests.linear.redundancy - sum(map(tests.rank, chosen))
-        left = tests.cost - tests.took(chosen)
-        if not chosen or spare <= 0 or left >= tests.scale * spare:
-            break
-        tests.scale = left / spare
-    return tests.scale
-
-
-_MEDIAN = 0.455
-"""Of chi-square with one degree of freedom."""
-
-
 class Search(Generic[Place]):
     """One diagnosis: what it has spent, and what it found."""
 
@@ -111,7 +84,11 @@ class Search(Generic[Place]):
         if best is None:
             return Verdict(Status.UNDECIDED, reason=self._reason)
         spent = f"not all explanations were tried: the {self._budget} iterations for that are spent"
-        return judged(self._model, best, spent if self._is_spent and self._budget else "")
+        reason = spent if self._is_spent and self._budget else ""
+        verdict = judged(self._model, best, reason)
+        if reason and verdict.status is Status.UNEXPLAINED:  # no adjustment proves what is listed so far
+            return Verdict(Status.UNDECIDED, (), verdict.left, verdict.redundancy, reason)
+        return verdict
 
     def _solution(self) -> Place | None:
         """Where the adjustment as given ended, if it is a place to test anything at."""
@@ -165,7 +142,9 @@ class Search(Generic[Place]):
         while self._is_wanted() and self._places:
             self._from_next()
         best = self._best
-        if best is None or not self._is_wanted():
+        if best is None:
+            return self._by_a_slip()
+        if not self._is_wanted():
             return best
         if best.is_accepted and not self._is_spent:
             best = self._in_place_of_several(best)
@@ -174,6 +153,23 @@ class Search(Generic[Place]):
         if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
         return best
+
+    def _by_a_slip(self) -> Explanation[Place] | None:
+        """From robust starts without a block that needs a slip, where one explains it, or another, then.
+
+        Of two sights that place a point, one of them to another point, nothing else tells which is right.
+        """
+        place = self._robust(())
+        blocks = [] if place is None else _suspected_blocks(self._tests(place), for_a_slip=True)
+        for index in blocks[: self._policy.trials]:
+            assert place is not None
+            start = self._robust((change_of(self._tests(place), index),))
+            found = None if start is None else self._adapted(start, is_robust=True)
+            if found is not None and found.is_accepted:
+                found = with_slips(self._model, found)
+                if self._hypotheses.needs_slip[list(found.chosen)].any():
+                    return found
+        return None
 
     def _from_next(self) -> None:
         """Looks from the next place, if it is one."""
@@ -375,12 +371,11 @@ def _suspects(tests: LinearTests) -> list[int]:
     return list(map(int, which[: tests.policy.begun]))
 
 
-def _suspected_blocks(tests: LinearTests) -> list[int]:
-    """Blocks most of whose rows a robust place contradicts, those with most first."""
+def _suspected_blocks(tests: LinearTests, *, for_a_slip: bool = False) -> list[int]:
+    """Blocks most of whose rows a robust place contradicts, those with most first; or those for a slip."""
     hypotheses = tests.hypotheses
-    off = np.append(0, np.cumsum(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect))
-    count = off[hypotheses.starts[1:]] - off[hypotheses.starts[:-1]]
-    is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
+    count = hypotheses.counts(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect)
+    is_told = hypotheses.is_block & (hypotheses.needs_slip == for_a_slip) & tests.is_solved
     which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
     which = which[np.argsort(-count[which], kind="stable")]
     left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy

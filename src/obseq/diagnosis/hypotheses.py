@@ -95,6 +95,11 @@ class Hypotheses:
         """Columns of one of them."""
         return self.columns[self.starts[index] : self.starts[index + 1]].astype(np.int64)
 
+    def counts(self, mask: BoolArray) -> IntArray:
+        """(h,) how many columns of each a mask (p,) over the columns of all has."""
+        before = np.append(0, np.cumsum(mask))[self.starts]
+        return np.asarray(np.diff(before))
+
     def code(self, index: int) -> str:
         """Code of one of them."""
         return self.codes[int(self.family[index])]

@@ -16,6 +16,7 @@ import numpy as np
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.clusters import whitening_of
+from obseq.leastsquares.solvers.base import forms_by_solves
 from obseq.leastsquares.sparse import Sparse, on_diagonal, stacked, symmetric
 from obseq.leastsquares.statistics.final_state import final_state
 
@@ -71,6 +72,12 @@ class Linear:
         if isinstance(self.rows, np.ndarray):
             return np.ascontiguousarray(self.rows.T @ vectors)
         return self.rows.transposed_times(vectors)
+
+    def lost(self, rows: Sparse) -> FloatArray:
+        """(k,) b Q b' of the rows b of a sparse matrix (k, u)."""
+        if self.forms is not None:
+            return self.forms(rows)
+        return forms_by_solves(self.solve, rows.shape[1], rows.values, rows.columns, rows.starts)
 
     def left(self, vectors: FloatArray) -> FloatArray:
         """R times vectors (n,) or (n, k): what the unknowns do not take of them."""

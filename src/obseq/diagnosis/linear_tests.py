@@ -81,6 +81,7 @@ class LinearTests:
         self.off = self._columns.shown(linear.residuals) / unit
         self.shown = self._columns.shown(left)
         self._across: dict[int, FloatArray] = {}
+        self._grams: dict[int, FloatArray] = {}
         self._given: dict[tuple[int, ...], Given] = {}
         self._weight = self._columns.first_weights(linear)
         self._weight[self._in_sets & np.isnan(self._weight)] = 0.0
@@ -232,9 +233,7 @@ class LinearTests:
     def tests(self, given: Given, skip: Sequence[int] = (), *, blocks: bool = True) -> Tested:
         """T of every hypothesis and what it must exceed; of blocks where enough of their rows stand out."""
         self._weigh_sets(given.shown)
-        weight = self._left_of_weights(given)
-        seen = weight > self.policy.unseen
-        alone = np.where(seen, given.shown**2 / np.where(seen, weight, 1.0), 0.0)
+        alone = self._alone(given)
         statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int32)
         statistic[self._single] = alone[self._at_single]
         for which, columns, grams in self._sets:
@@ -244,9 +243,11 @@ class LinearTests:
             size = np.linalg.norm(sizes / self.norm[columns], axis=1)
             statistic[which] = np.where(size <= self.hypotheses.most[which], found, 0.0)
             degrees[which] = rank
-        for i in self._standing_out(alone) if blocks else ():
+        for i in self._off(self._blocks, alone) if blocks else ():
             own = self.hypotheses.of(i)
-            left = self._gram(own) - given.basis[:, own].T @ given.basis[:, own]
+            if i not in self._grams:
+                self._grams[i] = self._columns.gram(self.linear, own)
+            left = self._grams[i] - given.basis[:, own].T @ given.basis[:, own]
             found, rank, _ = joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
@@ -254,6 +255,12 @@ class LinearTests:
         for some in set(degrees.tolist()):
             limits[some] = self.limit(some)
         return Tested(statistic, limits[degrees], np.asarray(self.scale * degrees, np.float64))
+
+    def _alone(self, given: Given) -> FloatArray:
+        """(k,) T of each column alone."""
+        weight = self._left_of_weights(given)
+        seen = weight > self.policy.unseen
+        return np.where(seen, given.shown**2 / np.where(seen, weight, 1.0), 0.0)
 
     def _left_of_weights(self, given: Given) -> FloatArray:
         """(k,) M of each column alone, the accepted hypotheses being unknowns."""
@@ -266,14 +273,16 @@ class LinearTests:
         seen = [self._left_of_weights(self.given(who)) > self.policy.unseen for who in (rest, chosen)]
         return self._single[(seen[0] & ~seen[1])[self._at_single]]
 
-    def _standing_out(self, alone: FloatArray) -> list[int]:
+    def standing_out(self, among: BoolArray) -> list[int]:
+        """Blocks among some hypotheses (h,) most of whose rows are off where nothing is accepted."""
+        return self._off(self._blocks[among[self._blocks]], self._alone(self.given(())))
+
+    def _off(self, blocks: IntArray, alone: FloatArray) -> list[int]:
         """Blocks most of whose rows are off; of a large model the worst, as far as a selection begins."""
-        blocks = self._blocks
         if not blocks.size:
             return []
         least = max(np.sqrt(self.limit(1)) - 1.0, 0.0) ** 2
-        off = np.append(0, np.cumsum(alone[self.hypotheses.columns] > least))
-        count = off[self.hypotheses.starts[1:]] - off[self.hypotheses.starts[:-1]]
+        count = self.hypotheses.counts(alone[self.hypotheses.columns] > least)
         need = np.maximum(2, self.policy.whole * self.hypotheses.q)
         found = blocks[count[blocks] >= need[blocks]]
         if self._is_screened:

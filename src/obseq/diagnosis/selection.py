@@ -13,6 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from obseq.arrays import IntArray
     from obseq.diagnosis.linear_tests import LinearTests, Tested
 
 _TOLERANCE = 1e-6
@@ -148,11 +149,16 @@ def _mostly(tests: LinearTests, chosen: Sequence[int]) -> list[int]:
     blocks = np.flatnonzero(hypotheses.is_block & tests.is_solved)
     if not blocks.size:
         return []
-    held = np.concatenate([hypotheses.of(i) for i in chosen])
-    count = np.append(0, np.cumsum(np.isin(hypotheses.columns, held)))
-    inner = count[hypotheses.starts[1:]] - count[hypotheses.starts[:-1]]
+    inner = _held(tests, chosen)
     some = blocks[inner[blocks] >= np.maximum(2, tests.policy.whole * hypotheses.q[blocks])]
     return [j for j in some.tolist() if hypotheses.q[inside(tests, chosen, j)].sum() >= needed(tests, j)]
+
+
+def _held(tests: LinearTests, chosen: Sequence[int]) -> IntArray:
+    """(h,) how many columns of each hypothesis some hypotheses have."""
+    hypotheses, mask = tests.hypotheses, np.zeros(len(tests.shown), np.bool_)
+    mask[np.concatenate([hypotheses.of(i) for i in chosen])] = True
+    return hypotheses.counts(mask[hypotheses.columns])
 
 
 def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[list[int]]:
@@ -164,15 +170,13 @@ def for_a_slip(tests: LinearTests, chosen: Sequence[int]) -> list[list[int]]:
     hypotheses = tests.hypotheses
     if not len(chosen) or (len(chosen) == 1 and not hypotheses.is_block[chosen[0]]):
         return []
-    held = np.concatenate([hypotheses.of(i) for i in chosen])
-    found = tests.tests(tests.given(())).statistic > 0.0
-    blocks = np.flatnonzero(found & hypotheses.is_block & (hypotheses.q > 1)).tolist()
+    touched = _held(tests, chosen) > 0
+    touched[list(chosen)] = False
     price, others = tests.price(chosen), []
-    for j in blocks:
-        own = hypotheses.of(j)
-        if j in chosen or not np.isin(own, held).any():
-            continue
-        other = kept(tests, [*(i for i in chosen if not np.isin(hypotheses.of(i), own).any()), j])
+    for j in tests.standing_out(touched):
+        own = set(hypotheses.of(j).tolist())
+        rest = [i for i in chosen if own.isdisjoint(hypotheses.of(i).tolist())]
+        other = kept(tests, [*rest, j])
         others += [other] if j in other and tests.price(other) < price else []
     return sorted(others, key=tests.price)
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection
 
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from obseq.images.block import Block
-    from obseq.images.camera import Camera
+from obseq.images.block import Block
+from obseq.images.camera import Camera
 
 
 def check_camera(camera: Camera, form: str, terms: Collection[str], unknown: Collection[str] = ()) -> None:

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import re
 from enum import Enum
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.reading.text import encoding_of, quoted, start_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 class Role(Enum):

@@ -5,11 +5,14 @@ from __future__ import annotations
 from array import array
 from dataclasses import replace
 from struct import Struct
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.reading.text import TextFile
 from obseq.survey.kinds.directions import AZIM
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.model import (
     Cluster,
     FieldBook,
@@ -20,11 +23,6 @@ from obseq.survey.model import (
     Stations,
     group_by_station,
 )
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.reading.text import TextFile
-    from obseq.survey.kinds.kind import ObservationKind
 
 
 class Measure(NamedTuple):

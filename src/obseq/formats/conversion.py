@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq import crs
 from obseq.arguments import NOTHING, PATH, TEXT, expecting, instance
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.dynadjust.dynaml_writer import DynamlNetwork, dynaml_text
 from obseq.formats.dynadjust.stations import ELLIPSOID
@@ -22,21 +24,15 @@ from obseq.formats.sinex.normals import normals_of
 from obseq.formats.sinex.reader import MOST_OF_NORMALS
 from obseq.formats.sinex.writer import held_exactly, sinex_text
 from obseq.formats.tables.writer import table_text
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, held
 from obseq.survey.drawings import dxf
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, codes_where
 from obseq.survey.maps import geojson, geopackage, kml
+from obseq.survey.model import Points
 from obseq.survey.network import Network
 from obseq.writing import write_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.records.adjustment import AdjustmentRecord
-    from obseq.survey.model import Points
 
 UNIT_SIGMA = 10.0
 """Gama's standard deviation of unit weight, for networks that have none."""

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
 
 from obseq.errors import InputError
 from obseq.reading.angles import GON, SECOND
 from obseq.reading.text import parse_number
 from obseq.records.shown_units import METRES
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
 
 LENGTHS = {"mm": 1e-3, "cm": 1e-2} | METRES
 """Units of lengths; `us-ft` is the foot of the United States' surveys."""

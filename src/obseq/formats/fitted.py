@@ -6,18 +6,14 @@ linear least-squares problem over a grid of the image.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.images.camera import Camera
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.arrays import FloatArray
 
 STEPS = 21
 """Lines and columns of the grid."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.once import TWICE
-from obseq.reading.text import read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, read_text
 
 DEEPEST = 5
 """Levels of files that include files."""

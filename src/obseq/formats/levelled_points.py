@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.survey.kinds.lengths import DH
 from obseq.survey.kinds.registry import codes_where
-from obseq.survey.model import make_points
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray
-    from obseq.survey.model import FieldBook, Observations, Points
+from obseq.survey.model import FieldBook, Observations, Points, make_points
 
 
 def levelled_points(points: Points, book: FieldBook, place: Sequence[float]) -> Points:

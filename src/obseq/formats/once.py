@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
 from obseq.reading.text import read_bytes
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 TWICE = "what it holds would count twice; name it once"
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs, spreadsheets
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.obs.cor import cor_text
+from obseq.records.adjustment import AdjustmentRecord, PointRecord
 from obseq.records.shown_units import METRES
-from obseq.survey.model import make_points
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.records.adjustment import AdjustmentRecord, PointRecord
-    from obseq.survey.model import Points
+from obseq.survey.model import Points, make_points
 
 OBSERVATION_FIELDS = (
     *("type", "origin", "target", "backsight", "value", "sigma", "unit", "active", "rejected"),

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.stochastic import StochasticModel
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.records.shown_units import ShownUnits
-    from obseq.survey.model import FieldBook, Points
-
+from obseq.records.shown_units import ShownUnits
+from obseq.survey.model import FieldBook, Points
 
 NOTHING = StochasticModel()
 

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.formats.catalogue import Role, format_of, listing
+from obseq.formats.catalogue import Format, Role, format_of, listing
 from obseq.formats.once import require_distinct
 from obseq.formats.project import Project, Reading
 from obseq.printable import printable
 from obseq.reading.text import read_bytes
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.formats.catalogue import Format
 
 _DATA_FILE = re.compile(r"[^\s=\"'<>|,;*?\x00-\x1f][^=\"'<>|,;*?\x00-\x1f]{0,120}\.dat\b", re.IGNORECASE)
 MOST_NAMED = 5

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+from obseq.arrays import FloatArray
 
 
 def axis_of(points: FloatArray) -> FloatArray:

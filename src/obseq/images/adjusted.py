@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
@@ -123,16 +122,17 @@ class AdjustedBlock(BundleSolution):
         return plan(places, Sights(ends, sizes), (level, self._shape_redundancy), axes)
 
     def save(self, path: str | Path) -> None:
-        """Writes the result: `.json` (read again by `obseq.load`), `.html` or `.txt`, by the suffix.
+        """Writes the result by the suffix: `.json` or `.npz` (read again by `obseq.load`), `.html`, `.txt`.
 
         Raises:
             InputError: The suffix is another, or the file cannot be written.
         """
-        from obseq.images.output.page import page, text
+        from obseq.images.output.page import contents
+        from obseq.report.formats import FORMATS
         from obseq.report.saving import save
 
-        record = self.record()
-        save({".json": record.to_json, ".html": partial(page, record), ".txt": partial(text, record)}, path)
+        made = contents(self.record())
+        save({form.suffix: made[form.name] for form in FORMATS}, path)
 
     @property
     def _shape_redundancy(self) -> int | None:

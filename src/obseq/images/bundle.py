@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError, ObseqError, SingularSystemError
-from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end, taken_in_again
+from obseq.images.adjustment.approach import (
+    Solving,
+    approach,
+    drop_undetermined,
+    solve_to_the_end,
+    taken_in_again,
+)
 from obseq.images.adjustment.equations import Equations
 from obseq.images.adjustment.free import solve_free
-from obseq.images.adjustment.quality import search_blunders
+from obseq.images.adjustment.quality import BlunderSearch, search_blunders
 from obseq.images.adjustment.solution import BundleSolution
-from obseq.images.adjustment.start import start_of
+from obseq.images.adjustment.start import Start, start_of
 from obseq.images.adjustment.surveys import follower, join_surveys, places_in, with_surveys
 from obseq.images.adjustment.verdicts import (
     cameras_refused,
@@ -23,15 +29,7 @@ from obseq.images.adjustment.verdicts import (
 )
 from obseq.images.edited import EditedBlock
 from obseq.images.placing import placed, waiting_images
-from obseq.leastsquares import LeastSquares
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.images.adjustment.approach import Solving
-    from obseq.images.adjustment.quality import BlunderSearch
-    from obseq.images.adjustment.start import Start
-    from obseq.leastsquares import Blocks, Iteration
+from obseq.leastsquares import Blocks, Iteration, LeastSquares
 
 MAX_ITERATIONS, ROBUST_ITERATIONS, MOST = 50, 200, 400
 TOLERANCE, ROBUST_TOLERANCE = 1e-6, 1e-3

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.images.names import as_names, index_of, rows_of, sigmas_of, unique_names
 from obseq.leastsquares.problem.arguments import real
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray
 
 
 class GivenComponents:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import RowError
+from obseq.images.camera import Camera
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.camera import Camera
-    from obseq.images.measures import ImagePoints
 
 MARGIN = 10.0
 """Pixels by which a measure may lie outside its image (MMVII's)."""

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels import Calculator
-
-if TYPE_CHECKING:
-    from obseq.kernels.loading import Kernel
+from obseq.kernels.loading import Kernel
 
 COLINEARITY_BLOCKS = ("point", "camera.centre", "camera.rotation", "calibration")
 INTERIOR = ("F", "PPx", "PPy")

@@ -5,19 +5,15 @@ from __future__ import annotations
 import difflib
 import numbers
 import re
-from typing import TYPE_CHECKING, cast
+from collections.abc import Iterable, Mapping, Sequence
+from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.errors import InputError, RowError
 from obseq.leastsquares.problem.arguments import real
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
 
 LONGEST_ENDING = 4
 """Letters of `tiff` and `jpeg`."""

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
+from obseq.images.adjustment.adjustable import AdjustableBlock
 from obseq.images.diagnosing.refusals import unplaced_error
 from obseq.images.initial.distribution import check_places
-from obseq.images.initial.growth import place_images, place_the_last
+from obseq.images.initial.growth import Growth, place_images, place_the_last
 from obseq.images.measures import ImagePoints
-
-if TYPE_CHECKING:
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.initial.growth import Growth
-    from obseq.images.poses import Poses
+from obseq.images.poses import Poses
 
 SHOWN = 4
 

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion as RigidMotion
 from obseq.geometry import attitudes, rotations_from
+from obseq.images.camera import Camera
 from obseq.images.names import index_of, rows_of, unique_names
 from obseq.leastsquares.problem.arguments import real
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.camera import Camera
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from obseq.arguments import expecting, instance
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.images.control import ControlPoints
 from obseq.images.names import are_among, index_of, rows_of, sigmas_of, unique_names
 from obseq.leastsquares.problem.arguments import finite, real
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,22 +7,17 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion, closest_rotation, logarithm
 from obseq.images.names import index_of, numbered, unique_names
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
 
 Sigmas = tuple[float, float]
 """Of a translation per coordinate (unit of the world), and of a rotation per axis (radians)."""

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.dataclass import dataclass
 from obseq.joint.record import record_of
 from obseq.joint.solution import Solved
+from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.table import AnyTable
 from obseq.report.formats import FORMATS
 from obseq.report.saving import save
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.records.adjustment import AdjustmentRecord
-    from obseq.records.table import AnyTable
 
 
 @dataclass(frozen=True, eq=False)

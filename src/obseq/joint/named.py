@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
-from obseq.kernels.loading import load
+from obseq.kernels.loading import Kernel, load
+from obseq.leastsquares import LeastSquares
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.losses import Loss
 from obseq.leastsquares.problem.shapes import formula_shape
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.kernels.loading import Kernel
-    from obseq.leastsquares import LeastSquares
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.losses import Loss
 
 KNOWN_AS = {
     "Point3": (("Point3", "{}"), ("Point3", "{} centre")),

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError, ObseqError
-from obseq.joint.named import KNOWN_AS, add_named
+from obseq.joint.named import KNOWN_AS, NamedEquation, add_named
 from obseq.leastsquares import LeastSquares
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.joint.named import NamedEquation
 
 STARTS = 24
 """Directions from the middle of its neighbours in which a point is looked for."""

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.images.output.block_record import BundleRecord, block_record_of, is_block
 from obseq.records.adjustment import AdjustmentRecord
 from obseq.report.result_file import read_plain
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def load(path: str | Path) -> AdjustmentRecord | BundleRecord:

@@ -9,22 +9,18 @@ from __future__ import annotations
 import importlib
 import math
 import zlib
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.kernels import index
 from obseq.kernels.calculator import Calculator, calculator
 from obseq.kernels.derivatives import FRAME, draw
-from obseq.kernels.loading import formula_names
+from obseq.kernels.loading import Kernel, formula_names
 from obseq.module_texts import OWN
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.kernels.loading import Kernel
 
 EXACT = 1e-14
 """Largest relative error that passes: that of some forty roundings; those of the catalogue have five."""

@@ -10,13 +10,11 @@ from __future__ import annotations
 import functools
 import importlib
 import logging
-from typing import TYPE_CHECKING, NamedTuple
+from types import ModuleType
+from typing import NamedTuple
 
 from obseq.errors import FormulaError
 from obseq.module_texts import GROUP, OWN
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 LOGGER = logging.getLogger(__name__)
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatCubes, FloatRows, IntArray
 from obseq.compilation import Instruction, compiled
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.vectors import transpose4
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatCubes, FloatRows, IntArray
 
 call_address = Instruction("obseq.kernels.instructions", "call_address")
 U = np.uint64

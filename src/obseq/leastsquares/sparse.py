@@ -5,19 +5,16 @@ SciPy's take longer to import than NumPy does, and a network of a thousand point
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, overload
+from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray
 from obseq.cached import cached_property
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.sorting import sorted_by
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray
-    from obseq.leastsquares.solvers import SymmetricPattern
+from obseq.leastsquares.solvers import SymmetricPattern
 
 
 class Sparse:

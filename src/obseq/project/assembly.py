@@ -4,34 +4,28 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq.errors import InputError
-from obseq.images import BundleAdjustment, Exposures, Poses, RigidBlock, Weighting
+from obseq.images import BundleAdjustment, ControlPoints, Exposures, ImagePoints, Poses, RigidBlock, Weighting
 from obseq.images.names import are_among
 from obseq.project.cameras import read_orientation
 from obseq.project.instruments.blocks import FILE, read_instrument_block
 from obseq.project.instruments.boresights import add_boresights
 from obseq.project.instruments.joining import ENTRIES, add_instruments
 from obseq.project.instruments.rigid_blocks import read_block
+from obseq.project.layout import ProjectTree
 from obseq.project.metadata import chosen
 from obseq.project.networks import control_of, network_of, survey_points
+from obseq.project.options.bundle_options import BundleOptions, InstrumentOptions, Set2D
 from obseq.project.points import differ, read_image_measures, read_system, require_one
 from obseq.project.tie_points import read_tracks
 from obseq.project.topo import read_topo
 from obseq.project.tree import files_in
 from obseq.reading.origin import Origin
-from obseq.survey import make_points, merge_points, read_cor
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.images import ControlPoints, ImagePoints
-    from obseq.project.layout import ProjectTree
-    from obseq.project.options.bundle_options import BundleOptions, InstrumentOptions, Set2D
-    from obseq.survey import FieldBook, Points
+from obseq.survey import FieldBook, Points, make_points, merge_points, read_cor
 
 UNCODED = "NONE"
 """Beginning of the names of targets without a code."""

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion, attitudes
 from obseq.images import Camera, Poses
 from obseq.images.names import unique_names
 from obseq.project.instruments.rigid_blocks import is_rotation
-from obseq.project.tree import Reader, file_in, files_in, merged, read_tree, tree_text
+from obseq.project.tree import Number, Reader, Tree, file_in, files_in, merged, read_tree, tree_text
 from obseq.writing import write_all
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.project.tree import Number, Tree
 
 CALIBRATION, POSE = "InternalCalibration", "CameraPose"
 POSE_PREFIX = "Ori-PerspCentral-"

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.project.layout import TREE
-from obseq.project.tree import bare, read_tree
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.project.layout import ProjectTree
-    from obseq.project.tree import Tree
+from obseq.project.layout import TREE, ProjectTree
+from obseq.project.tree import Tree, bare, read_tree
 
 FIELDS = {
     "InternalCalibration": "Name PixelFrame NbPix Projection Auxiliary SzBuffer Degree DegreeApproxInv "

@@ -44,8 +44,12 @@ class ProjectTree:
         return cls(place)
 
     def folder(self, kind: str, name: str) -> Path:
-        """The folder of a kind and short name, whether or not it is there; a full path is shortened."""
-        return self.root / TREE / kind / Path(name).name
+        """The folder of a kind and short name, whether or not it is there; its path says the same.
+
+        Raises:
+            InputError: a path leads elsewhere.
+        """
+        return self.root / TREE / kind / self._short(name, kind)
 
     def orientation(self, name: str) -> Path:
         """A folder of orientations that is there."""
@@ -127,14 +131,23 @@ class ProjectTree:
         path = self.root / selection
         return read_names(path) if selection.endswith(ENDINGS) and path.is_file() else []
 
+    def _short(self, name: str, *kinds: str) -> str:
+        given, folders = Path(name), [self.root / TREE / kind for kind in kinds]
+        meant = {path.resolve() for path in (self.root / given, given)}
+        here = len(given.parts) == 1 or any((folder / given.name).resolve() in meant for folder in folders)
+        if given.name in ("", "..") or not here:
+            raise InputError(f"{name}: not in {folders[0]}; give its name there, without folders.")
+        return given.name
+
     def _existing(self, name: str, *kinds: str) -> Path:
+        short = self._short(name, *kinds)
         for kind in kinds:
-            if (path := self.folder(kind, name)).is_dir():
+            if (path := self.folder(kind, short)).is_dir():
                 return path
         folders = [path for kind in kinds for path in (self.root / TREE / kind).glob("*/")]
         present = sorted({path.name for path in folders})
         known = ", ".join(present) or "none"
-        raise InputError(f"{self.folder(kinds[0], name)}: there is no such folder; there are {known}")
+        raise InputError(f"{self.folder(kinds[0], short)}: there is no such folder; there are {known}")
 
 
 def give_old_names(root: Path) -> None:

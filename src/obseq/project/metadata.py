@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images import Camera
-from obseq.project.tree import Reader, merged, read_tree, tree_text
+from obseq.project.tree import Reader, Tree, merged, read_tree, tree_text
 from obseq.reading.tables import number_in
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from pathlib import Path
-
-    from obseq.project.tree import Tree
 
 RULES, NAMES = "MetaData", "SetOfName"
 MODES = ("Focalmm", "FocalPix", "PPPix", "Aperture", "ModelCam", "NbPixel", "AdditionalName")

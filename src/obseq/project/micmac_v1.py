@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.blocks.reading import hold_all_but, new_block
 from obseq.geometry import RigidMotion
-from obseq.images import Camera, ControlPoints, ImagePoints, Poses
+from obseq.images import BundleAdjustment, Camera, ControlPoints, ImagePoints, Poses
 from obseq.reading.origin import Origin
 from obseq.reading.xml import Element, read_xml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.images import BundleAdjustment
 
 PREFIX = "Orientation-"
 MEASURES, POINTS = "SetOfMesureAppuisFlottants", "DicoAppuisFlottant"

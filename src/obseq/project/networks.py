@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -12,7 +12,9 @@ from obseq import crs
 from obseq.errors import InputError
 from obseq.images import ControlPoints
 from obseq.images.names import unique_names
+from obseq.project.layout import ProjectTree
 from obseq.project.metadata import whole_match
+from obseq.project.options.bundle_options import BundleOptions, Set3D
 from obseq.project.points import (
     NO_SYSTEM,
     points_text,
@@ -21,17 +23,10 @@ from obseq.project.points import (
     read_system,
     system_text,
 )
-from obseq.survey import Network, Points, join, make_points
+from obseq.project.tree import Tree
+from obseq.survey import Adjustment, FieldBook, Network, Points, join, make_points
 from obseq.survey.equations.frame import Frame
 from obseq.survey.model import CoordinateCovariance
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.project.layout import ProjectTree
-    from obseq.project.options.bundle_options import BundleOptions, Set3D
-    from obseq.project.tree import Tree
-    from obseq.survey import Adjustment, FieldBook
 
 ADJUSTED = "MesGCP-NewGCP"
 

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.crs import parse
 from obseq.errors import InputError
 from obseq.images import ControlPoints, ImagePoints
 from obseq.project.reports import converted
-from obseq.project.tree import Reader, bare, merged, read_tree, tree_text
+from obseq.project.tree import Reader, Tree, bare, merged, read_tree, tree_text
 from obseq.reading.text import read_bytes
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from obseq.arrays import FloatArray
-    from obseq.project.tree import Tree
 
 MEASURES, POINTS, SYSTEM = "SetMesIm", "SetGCP", "SysCoData"
 MEASURES_PREFIX, POINTS_PREFIX, SYSTEM_FILE = "MesIm-", "MesGCP", "CurSysCo"

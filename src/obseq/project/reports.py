@@ -5,21 +5,16 @@ A residual is measured minus projected, pixels, with the coordinates of the give
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.crs import Transformer, parse
 from obseq.errors import InputError
-from obseq.images import ControlPoints, intersect
+from obseq.images import Camera, ControlPoints, ImagePoints, Poses, intersect
 from obseq.images.names import index_of
 from obseq.spreadsheets import cell_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.images import Camera, ImagePoints, Poses
 
 PERCENTILES = (50, 75)
 HEADER = "NbMes,Avg,UbStdDev,Avg2,Min,Max," + ",".join(f"P{share}" for share in PERCENTILES)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.images import ImagePoints
 from obseq.reading.text import read_bytes
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
 
 PAIR_HEADER = "x1,y1,x2,y2"
 TRACK_HEADER = "Pt.x,Pt.y,Id"

@@ -5,28 +5,23 @@ Serialised files hold metres and radians; OBS files metres and gons.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.columns import Columns, Measure
-from obseq.project.tree import Reader, read_tree, tree_text
+from obseq.project.tree import Reader, Tree, read_tree, tree_text
 from obseq.survey import FieldBook, Observations, Orientation, read_obs
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.registry import BY_CODE, BY_NAME
 from obseq.survey.model import group_by_station
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.project.tree import Tree
-    from obseq.survey.kinds.kind import ObservationKind
 
 DATA = "TopoData"
 OUTPUT = "TopoOut"

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from obseq.reading.text import parse_number
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 FOOT, SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
 """International foot, foot of the United States' surveys (m)."""

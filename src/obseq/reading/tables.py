@@ -6,23 +6,19 @@ import csv
 import logging
 import math
 import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, RowError
 from obseq.reading.origin import Origin
 from obseq.reading.text import counted, invisible, quoted, read_bytes
 from obseq.spreadsheets import csv_text, text_in
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
-
-    from obseq.arrays import FloatArray
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 """A number as many countries write it, where commas do not separate cells."""

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 import re
 import stat
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import composed, printable
 from obseq.stopwatch import Tally
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
 
 _MARKS_OF_UTF16 = b"\xff\xfe", b"\xfe\xff"
 _LONGEST_QUOTE = 160

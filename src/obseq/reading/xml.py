@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 from xml.parsers import expat
 
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.reading.text import TextFile, encoding_of, parse_number, quoted, read_bytes
 from obseq.stopwatch import Tally
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
-    from pathlib import Path
 
 DEEPEST = 40
 """Levels of elements: surveys need a dozen."""

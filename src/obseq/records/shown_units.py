@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from obseq.errors import InputError
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 METRES = {"m": 1.0, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
 """Metres in each unit of length, named as PROJ does: `us-ft` is the foot of the United States' surveys."""

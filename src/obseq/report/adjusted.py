@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 from obseq.arguments import expecting, instance
 from obseq.printable import listed
-from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord, PointRecord
+from obseq.records.quality import StatisticsRecord
 from obseq.report.basis import basis, kinds
 from obseq.report.findings import NOT_JUDGED, POOR, findings, is_known, of_height, sight, spreads, weakest
 from obseq.report.head import (
@@ -16,6 +17,7 @@ from obseq.report.head import (
     WORDS,
     Card,
     Head,
+    Level,
     Place,
     Section,
     Verdict,
@@ -33,19 +35,12 @@ from obseq.report.head import (
 from obseq.report.part import part_of
 from obseq.report.said import name, small
 from obseq.report.summary import Outcome
+from obseq.report.tables.columns import Table
 from obseq.report.tables.content import TABLES, numbers_of, tables
 from obseq.report.tables.named import ellipse_level
 from obseq.report.tables.spared import spared
 from obseq.report.tables.units import significant, units_of
 from obseq.report.verdict import Verdict as Test
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from obseq.records.adjustment import PointRecord
-    from obseq.records.quality import StatisticsRecord
-    from obseq.report.head import Level
-    from obseq.report.tables.columns import Table
 
 MOST_NAMES = 8
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from obseq.printable import listed
+from obseq.records.adjustment import AdjustmentRecord, OperationRecord
 from obseq.report.tables import units
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.records.adjustment import AdjustmentRecord, OperationRecord
 
 MOST_FILES = 12
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from obseq.arguments import expecting, instance
 from obseq.printable import listed
@@ -29,16 +29,10 @@ from obseq.report.head import (
 from obseq.report.page import document
 from obseq.report.said import name, small
 from obseq.report.summary import Outcome
-from obseq.report.tables.columns import all_rounded
+from obseq.report.tables.columns import Table, all_rounded
 from obseq.report.tables.content_comparison import displacements
-from obseq.report.tables.units import Units
+from obseq.report.tables.units import Plain, Units
 from obseq.report.writer import Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.report.tables.columns import Table
-    from obseq.report.tables.units import Plain
 
 MOST_NAMES = 8
 KNOWN_POINTS = "known points"

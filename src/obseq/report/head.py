@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from heapq import nlargest
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from obseq.printable import printable_line
+from obseq.records.adjustment import IterationRecord, RunRecord
+from obseq.records.quality import GlobalTestRecord
 from obseq.records.record import Record
 from obseq.report.tables.units import Plain, significant
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.records.adjustment import IterationRecord, RunRecord
-    from obseq.records.quality import GlobalTestRecord
 
 Level = Literal["bad", "warn", "ok", "info"]
 MOST_TICKS = 150

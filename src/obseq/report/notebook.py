@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
+from obseq.records.adjustment import AdjustmentRecord, PointRecord
 from obseq.report.adjusted import outcome
 from obseq.report.drawings.figure import figure
 from obseq.report.drawings.html import escaped
@@ -12,13 +13,7 @@ from obseq.report.summary import brief
 from obseq.report.tables.content import numbers_of, tables
 from obseq.report.tables.spared import spared
 from obseq.report.tables.units import units_of
-from obseq.report.writer import Writer, worst
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.records.adjustment import AdjustmentRecord, PointRecord
-    from obseq.report.writer import Printed
+from obseq.report.writer import Printed, Writer, worst
 
 WORST = 10
 MOST_POINTS = 20

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 from importlib.resources import files
 from string import Template
-from typing import TYPE_CHECKING
 
 from msgspec import structs
 
@@ -21,10 +20,7 @@ from obseq.report.part import NOUNS, density, not_shown, part_of, told
 from obseq.report.tables.content import numbers_of, tables
 from obseq.report.tables.packed import packed, squeezed
 from obseq.report.tables.spared import spared
-from obseq.report.tables.units import scales
-
-if TYPE_CHECKING:
-    from obseq.report.tables.units import Plain
+from obseq.report.tables.units import Plain, scales
 
 SCRIPTS = (
     "elements",

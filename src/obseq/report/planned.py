@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from obseq.arguments import expecting, instance
-from obseq.records.plan import PlanRecord
+from obseq.records.plan import DrawsRecord, PlanRecord
 from obseq.report import adjusted, findings
 from obseq.report.head import (
     Card,
@@ -24,16 +24,11 @@ from obseq.report.head import (
 )
 from obseq.report.page import adjustment_page, document
 from obseq.report.said import bearing, name, small
+from obseq.report.summary import Outcome
+from obseq.report.tables.columns import Table
 from obseq.report.tables.content import TABLES, numbers_of
 from obseq.report.tables.content_plan import PLAN_TABLES, plan_tables
 from obseq.report.tables.named import short_names
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-
-    from obseq.records.plan import DrawsRecord
-    from obseq.report.summary import Outcome
-    from obseq.report.tables.columns import Table
 
 MOST = 3
 DATUM = 0.5

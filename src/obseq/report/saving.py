@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-from obseq.writing import write_all
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from obseq.writing import Content
+from obseq.writing import Content, write_all
 
 
 def save(writers: Mapping[str, Callable[[], Content]], path: str | Path) -> None:

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.report.said import plain
-from obseq.report.tables.columns import TEXTS
+from obseq.report.tables.columns import TEXTS, Column, Table
 from obseq.report.tables.units import ABSENT, MIXED, Scale, Units
 from obseq.spreadsheets import csv_text
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
-
-    from obseq.report.tables.columns import Column, Table
 
 WIDTH = 120
 """Columns of a listing; only names of many letters make a table wider."""

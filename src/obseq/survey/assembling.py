@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
+from obseq.crs import CoordinateSystem
 from obseq.errors import InputError
 from obseq.survey import files
 from obseq.survey.equations.frame import Frame, area_warning, frame_of
 from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.plan_only import with_heights_of_site
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.crs import CoordinateSystem
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 
 def in_frame(

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.errors import InputError
 from obseq.leastsquares.problem.losses import named_loss
 from obseq.printable import listed
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.kinds.registry import BY_CODE
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook
 
 ARROWS = ("->", "\u2192")
 MOST_NAMES = 8

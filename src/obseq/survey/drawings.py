@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
 from obseq.packages import require
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.survey.maps import corners_in, layers_of
-
-if TYPE_CHECKING:
-    from obseq.records.adjustment import AdjustmentRecord
 
 COLOURS = {"points": 7, "names": 7, "ellipses": 6, "observations": 8}
 """Layers and their colours in the palette of AutoCAD: black or white, magenta, grey."""

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Self
 
 from obseq.arguments import NOTHING, NUMBER, TEXT, expecting, instance, weights_factor
 from obseq.dataclass import dataclass
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.survey.by_name import chosen, with_sigmas
 from obseq.survey.diagnosing.without_accused import without_accused
-
-if TYPE_CHECKING:
-    from typing import Self
-
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from obseq import crs
 from obseq.boundary import Boundary
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.diagnosis.engine import noise
+from obseq.diagnosis.judgement import noise
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.records.diagnosis import DiagnosisRecord

@@ -11,24 +11,20 @@ from __future__ import annotations
 import json
 import tempfile
 import warnings
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.crs.area import cut
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.packages import require
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, ObservationRecord, PointRecord
-
+from obseq.records.adjustment import AdjustmentRecord, EllipseRecord, ObservationRecord, PointRecord
 
 Properties: TypeAlias = dict[str, object]
 """What a feature says besides its place."""

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import enum
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import expecting, instance
+from obseq.arrays import BoolArray, FloatArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.records.adjustment import UnusedRecord
 from obseq.survey.kinds.registry import BY_CODE, KINDS, among, codes
 from obseq.survey.points import CoordinateCovariance as CoordinateCovariance
 from obseq.survey.points import Points as Points
 from obseq.survey.points import make_points as make_points
 from obseq.survey.points import merge_points as merge_points
 from obseq.survey.points import points_of_lines as points_of_lines
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.records.adjustment import UnusedRecord
 
 IntArray = npt.NDArray[np.int32]
 _ORIENTING = codes(*(kind for kind in KINDS if kind.orients > 0))

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.arguments import ARRAY, NOTHING, TEXTS, expecting, instance, sequence
+from obseq.arrays import BoolArray, FloatArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
 
 IntArray = npt.NDArray[np.int32]
 

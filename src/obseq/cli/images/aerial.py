@@ -13,6 +13,7 @@ from obseq.printable import printable, printable_line
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
+    from obseq.arrays import FloatArray
     from obseq.images.aerial import FrameCamera, Geoid, HeightType, MapSystem, Surface, Worksite
     from obseq.images.aerial.result_columns import LeftOut, Table
 
@@ -233,6 +234,7 @@ def _images(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
     if arguments.points:
         seen = read_image_points(arguments.points, arguments.points_header, keep_good=True)
     site, bad = _site(arguments)
+    _say_outside(arguments.ground, _system(arguments), known.coordinates, known.names)
     return _with(images_of_ground(site, known, seen), bad + known.left_out()), {}
 
 
@@ -255,11 +257,13 @@ def _poses(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
     known = read_ground_points(arguments.ground, arguments.ground_header, keep_good=True)
     measured = read_image_points(arguments.points, arguments.points_header, keep_good=True)
     position = np.array(arguments.position) if arguments.position else None
+    system = _system(arguments)
+    _say_outside(arguments.ground, system, known.coordinates, known.names)
     shots, table = resections(
         _cameras(arguments).values(),
         measured,
         known,
-        _system(arguments),
+        system,
         _geoid(arguments),
         position=position,
         camera_of=_camera_of(arguments, measured.shots),
@@ -315,12 +319,23 @@ def _site(arguments: argparse.Namespace) -> "tuple[Worksite, list[LeftOut]]":
         has_alteration=not arguments.no_alteration,
         keep_good=True,
     )
-    site = Worksite(shots, _cameras(arguments), _system(arguments), _geoid(arguments))
+    system = _system(arguments)
+    _say_outside(arguments.shots, system, shots.positions, shots.names)
+    site = Worksite(shots, _cameras(arguments), system, _geoid(arguments))
     terrain = _terrain(arguments)
     if terrain is not None and shots.has_alteration:
         site = site.with_nadir(terrain)
     left = [LeftOut(f"{arguments.shots}:{line.number}", line.reason) for line in bad]
     return site.approximately() if arguments.approximate else site, left
+
+
+def _say_outside(path: "Path", system: "MapSystem", places: "FloatArray", names: Sequence[str]) -> None:
+    """Warns of places (n, 3) outside the area where their system is used."""
+    from obseq.crs import area_warning, parse
+
+    outside = area_warning(parse(system.definition), places, names)
+    if outside:
+        print(printable_line(f"warning: {path}: {outside}"), file=sys.stderr)
 
 
 def _cameras(arguments: argparse.Namespace) -> "dict[str, FrameCamera]":

@@ -24,10 +24,21 @@ from obseq.cli.parsing import (
     sigma,
 )
 from obseq.cli.progress import Progress
-from obseq.cli.results import INCOMPLETE, add_detail, detail_of, show, shown_anyway, telling
+from obseq.cli.results import (
+    INCOMPLETE,
+    add_detail,
+    detail_of,
+    forget,
+    outputs_of,
+    show,
+    shown_anyway,
+    tell_not_written,
+    telling,
+)
 from obseq.errors import ObseqError, noting
 from obseq.formats.blocks.catalogue import WRITERS
 from obseq.printable import printable
+from obseq.report.formats import LARGE
 from obseq.stopwatch import Stopwatch
 from obseq.writing import check_writable, forget_second, second_of, write_all
 
@@ -40,6 +51,7 @@ if TYPE_CHECKING:
     from obseq.images.output.block_record import BundleRecord
     from obseq.images.poses import Poses
     from obseq.report.summary import Detail
+    from obseq.writing import Content
 
 MORE = """
 A block is given by tables with a line of column names (cameras, images with or without poses,
@@ -82,6 +94,8 @@ COMMON = (
 )
 """What most users need."""
 
+STEM = "bundle"
+"""Name of the results in a folder."""
 FILES = {
     "json": ("bundle.json", "every result at full precision"),
     "ply": ("block.ply", "points and cameras for a viewer"),
@@ -91,6 +105,7 @@ FILES = {
     "checks": ("checks.csv", "check points: adjusted minus given, with sigmas"),
     "text": ("bundle.txt", "a complete listing"),
     "html": ("bundle.html", "a page with drawings: views, residuals, calibrations"),
+    "npz": ("bundle.npz", "every result as columns, for programs and large blocks"),
 }
 
 
@@ -102,8 +117,11 @@ def register(commands: Commands) -> None:
     add_sources(command)
     _add_computation(command)
     results = command.add_argument_group("results")
-    names = ", ".join(name for name, _ in FILES.values())
-    results.add_argument("--out", type=Path, metavar="DIR", help=f"folder for {names}")
+    names = ", ".join(name for option, (name, _) in FILES.items() if option != "npz")
+    purpose = (
+        f"folder for {names}; of more than {LARGE} image points, bundle.npz in place of JSON and listing"
+    )
+    results.add_argument("--out", type=Path, metavar="DIR", help=purpose)
     add_detail(results)
     for option, (_, purpose) in FILES.items():
         results.add_argument(f"--{option}", type=output_file, metavar="FILE", help=purpose)
@@ -192,6 +210,7 @@ def _adjusted(arguments: argparse.Namespace) -> int:
         record, written = _reported(solution, given, arguments, outputs, options, watch, read)
     forget_second(outputs.values(), inputs(arguments))
     _show(record, written, detail, watch)
+    tell_not_written(len(record.measures), outputs_of(arguments, STEM))
     if arguments.without_accused:
         return _without_accused(solution, record, arguments, outputs, options)
     return 0 if record.is_complete else INCOMPLETE
@@ -217,13 +236,17 @@ def _reported(
     with watch.phase("record"):
         record = record_of(solution, diagnosis=diagnosis, failures=boundary.failures)
     with watch.phase("write"):
-        boundary = Boundary()
+        boundary, size = Boundary(), len(record.measures)
+        results = [(outputs[form.name], form) for _, form in outputs_of(arguments, STEM)]
+        spared = {path for path, form in results if not form.suits(size)}
+        outputs = {option: path for option, path in outputs.items() if path not in spared}
         files = boundary.texts(telling(_writers(outputs, solution, record, read), watch.progress))
         others = _written(arguments, solution, boundary)
         files |= {path: text for made in others.values() for path, text in made.items()}
-        record = structs.replace(record, failures=(*record.failures, *boundary.failures))
         with shown_anyway(partial(_show, record, [], detail_of(arguments, "block"), watch)):
-            write_all(files)
+            write_all(files, boundary.tell)
+        forget(size, results)
+    record = structs.replace(record, failures=(*record.failures, *boundary.failures))
     return record, [path for path in outputs.values() if path in files] + list(others)
 
 
@@ -280,20 +303,19 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
 
 def _writers(
     outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord, read: str
-) -> dict[Path, Callable[[], str]]:
+) -> dict[Path, Callable[[], Content]]:
     """What writes each of the files that are asked for."""
     from obseq.images.output.clouds import camera_table, check_table, ply, point_table, pose_table
-    from obseq.images.output.page import page, text
+    from obseq.images.output.page import contents, text
 
-    writers = {
-        "json": record.to_json,
+    writers: dict[str, Callable[[], Content]] = {
+        **contents(record),
         "ply": lambda: ply(solution),
         "poses": lambda: pose_table(solution),
         "interior": lambda: camera_table(solution),
         "points": lambda: point_table(solution),
         "checks": lambda: check_table(record),
         "text": lambda: f"{text(record)}\n{read}",
-        "html": lambda: page(record),
     }
     return {path: writers[option] for option, path in outputs.items() if option in writers}
 

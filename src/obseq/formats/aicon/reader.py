@@ -7,26 +7,22 @@ the middle of the sensor, y up.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.formats.fitted import fitted_camera
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.reading.origin import Origin
 from obseq.reading.tables import text_of
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from obseq.arrays import FloatArray
-    from obseq.images.bundle import BundleAdjustment
-    from obseq.images.camera import Camera
 
 TERMS = ("F", "PPx", "PPy", "K1", "K2", "K3", "p1", "p2", "b1", "b2")
 """Our names of what its cameras have."""

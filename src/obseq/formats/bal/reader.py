@@ -8,15 +8,18 @@ Here y goes down and z forward: rotation and translation are turned by diag(1, -
 from __future__ import annotations
 
 import bz2
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.formats.camera_terms import check_camera, check_cameras
 from obseq.geometry import exponential, logarithm
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.block import Block
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.measures import ImagePoints
@@ -25,13 +28,6 @@ from obseq.reading.origin import Origin
 from obseq.reading.tables import number_in, text_of
 from obseq.reading.text import read_bytes
 from obseq.writing import write_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.block import Block
 
 FLIP = np.array([1.0, -1.0, -1.0])
 RADIAL = ("K1", "K2")

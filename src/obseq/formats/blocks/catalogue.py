@@ -6,19 +6,16 @@ asked for.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.block import Block
-    from obseq.images.bundle import BundleAdjustment
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.block import Block
+from obseq.images.bundle import BundleAdjustment
 
 
 class Sigmas(Enum):

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.formats.blocks.reading import note_count
+from obseq.images.block import Block
 from obseq.images.measures import ImagePoints
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.block import Block
 
 
 def add_features(

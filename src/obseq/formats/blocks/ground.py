@@ -6,21 +6,17 @@ local tangent frame (RTL) at their mean. Sigmas stay along east, north and up.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.blocks.reading import note_count
+from obseq.images.block import Block
 from obseq.images.control import ControlPoints
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from obseq.arrays import FloatArray
-    from obseq.images.block import Block
-    from obseq.reading.origin import Origin
+from obseq.reading.origin import Origin
 
 STEP, STEP_OF_ANGLE = 1.0, 1e-5
 """Metres, and units of angle, to the east by which a map shows where its east is."""

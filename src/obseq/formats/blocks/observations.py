@@ -11,25 +11,21 @@ rolls, velocities `vx vy vz` (metres per second), or `time` (seconds), from whic
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.blocks.ground import covariances_in_frame, frame_for, turned_to_frame
 from obseq.formats.blocks.reading import note_count
 from obseq.geometry import rotations_from
+from obseq.images.block import Block
 from obseq.images.names import are_among
 from obseq.images.poses import Poses
 from obseq.images.references import velocities_of
 from obseq.reading.tables import Table
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.block import Block
 
 ANGLES = ("omega", "phi", "kappa")
 VELOCITY = ("vx", "vy", "vz")

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import fdtrc
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
+from obseq.images.bundle import BundleAdjustment
 from obseq.images.initial.growth import similarity
 from obseq.images.initial.intersection import intersect
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.images.bundle import BundleAdjustment
 
 PARAMETERS = 7
 """Of a similarity: shift, rotation, scale."""

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.errors import noting
+from obseq.images.block import Block
 from obseq.images.bundle import BundleAdjustment
 from obseq.printable import listed
 from obseq.reading.origin import Origin
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from obseq.images.block import Block
 
 SHOWN = 5
 """Names of many that a note gives."""

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.formats.blocks.reading import note_count
+from obseq.geometry import RigidMotion
+from obseq.images.block import Block
 from obseq.images.names import numbered
 from obseq.images.poses import Poses
 from obseq.images.rigid import Exposures, RigidBlock
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.geometry import RigidMotion
-    from obseq.images.block import Block
 
 RIGID = 1e-6
 """Radians, and the same share of the distance of the points, by which an exact rig may give way: far below

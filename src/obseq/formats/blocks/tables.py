@@ -14,28 +14,24 @@ Angles: `omega phi kappa` (photogrammetric), `w p k` (MMVII), `yaw pitch roll`, 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.images.block import Block
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.names import unique_names
 from obseq.images.output.clouds import CAMERA_COLUMNS
+from obseq.images.parts import Weighting
 from obseq.images.poses import Poses
 from obseq.kernels import formula_names
 from obseq.reading.tables import Table
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.images.block import Block
-    from obseq.images.parts import Weighting
 
 ANGLES = {
     "opk": ("omega", "phi", "kappa"),

@@ -7,22 +7,18 @@ X Y Z / colour / n, then for each of n views: camera, feature, x, y
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.formats.bal.reader import block_of_cameras, naming
 from obseq.formats.blocks.reading import note_count
+from obseq.images.bundle import BundleAdjustment
 from obseq.reading.tables import number_in, text_of
 from obseq.reading.text import counted
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.bundle import BundleAdjustment
 
 HEADER = "# Bundle file v0.3"
 CAMERA_LINES, POINT_LINES, VIEW = 5, 3, 4

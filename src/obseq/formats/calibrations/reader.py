@@ -6,19 +6,15 @@ All have the middle of the first pixel at (0, 0); here it is at (0.5, 0.5). Thei
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.formats.colmap.models import camera_of
+from obseq.images.camera import Camera
 from obseq.reading.text import quoted, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from obseq.images.camera import Camera
 
 SUFFIXES = (".yaml", ".yml")
 LARGEST = 1_000_000

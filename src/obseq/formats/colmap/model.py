@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import re
 import struct
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.colmap.models import MODELS
 from obseq.reading.tables import text_of
 from obseq.reading.text import counted, read_bytes
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
 
 NOTHING = 2**64 - 1
 NAMED = re.compile(r"# point (\d{1,18}) is called (\S.*?)\s*$")

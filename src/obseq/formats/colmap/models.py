@@ -6,19 +6,15 @@ the other way round.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.fitted import MISFIT, STEPS, fitted_camera
 from obseq.images.camera import Camera
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
 
 MODELS = {
     "SIMPLE_PINHOLE": 3,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,21 +19,16 @@ from obseq.formats.blocks.features import add_features
 from obseq.formats.blocks.reading import hold_all_but, new_block
 from obseq.formats.blocks.rigs import Rig, add_rig
 from obseq.formats.camera_terms import check_camera, check_cameras
-from obseq.formats.colmap.model import read_model
+from obseq.formats.colmap.model import ColmapCamera, ColmapImage, ColmapModel, read_model
 from obseq.formats.colmap.models import FREE, camera_of, parameters_of
 from obseq.formats.colmap.rigs import lone_files, read_rigs
 from obseq.geometry import RigidMotion, attitudes, rotations_from
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.block import Block
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
 from obseq.images.poses import Poses
 from obseq.writing import write_all
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.formats.colmap.model import ColmapCamera, ColmapImage, ColmapModel
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.block import Block
-    from obseq.images.bundle import BundleAdjustment
-    from obseq.images.camera import Camera
 
 TERMS = ("K1", "K2", "p1", "p2")
 """Of the distortion, in the order of the camera that is written."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.colmap.model import Bytes, floats, lines, whole
 from obseq.geometry import RigidMotion, rotations_from
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CAMERA = "CAMERA"
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.errors import InputError
 from obseq.survey.kinds.components import DX, DY
 from obseq.survey.kinds.directions import AZIM, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH
 from obseq.survey.kinds.lengths import DH, DIST_HZ0
 from obseq.survey.kinds.registry import BY_CODE, codes
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.arrays import BoolArray
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook
 
 DIMENSIONS = {"4": 1, "5": 1, "6": 2, "7": 2, "8": 2, "9": 2}
 """Coordinates that count, by the code of a point: height alone, or plan alone; all three for other codes."""

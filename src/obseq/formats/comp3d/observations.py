@@ -6,22 +6,17 @@ coordinates along the axes of the project, and the unit of angles is a setting.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.comp3d.sets import SETS, SetReader
+from obseq.formats.includes import Folder
 from obseq.formats.obs.after_sigma import NOTHING, AfterSigma
 from obseq.formats.obs.obs import centring, check_measure, value_and_sigma
-from obseq.reading.text import quoted
+from obseq.reading.text import TextFile, quoted
 from obseq.survey.kinds.components import DX, DY
 from obseq.survey.kinds.directions import AZIM, HZ, ZEN
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ0
 from obseq.survey.model import FieldBook, Orientation
-
-if TYPE_CHECKING:
-    from obseq.formats.includes import Folder
-    from obseq.reading.text import TextFile
-    from obseq.survey.kinds.kind import ObservationKind
 
 MOST_IGNORED = 8
 """Names of ignored points that a warning quotes."""

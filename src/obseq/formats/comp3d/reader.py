@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.comp3d.dimensions import DIMENSIONS, check_dimensions
 from obseq.formats.comp3d.observations import read_observations
@@ -18,14 +21,7 @@ from obseq.formats.obs.cor import PointColumns
 from obseq.formats.project import Project, Reading, only_one
 from obseq.reading.json_text import parsed_json
 from obseq.records.shown_units import ShownUnits
-from obseq.survey.model import CoordinateCovariance, merge_points
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.survey.model import Points
+from obseq.survey.model import CoordinateCovariance, Points, merge_points
 
 Configuration: TypeAlias = dict[str, Any]
 """A project file as it is parsed."""

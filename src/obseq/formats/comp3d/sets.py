@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
-from obseq.formats.columns import Measure
-from obseq.reading.text import LEAST_SIGMA, quoted
+from obseq.formats.columns import Columns, Measure
+from obseq.formats.includes import Folder
+from obseq.reading.text import LEAST_SIGMA, TextFile, quoted
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.components import DX, DY, DZ
 from obseq.survey.kinds.directions import ALPHA, BETA
@@ -18,11 +18,6 @@ from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
 from obseq.survey.kinds.lengths import DIST
 from obseq.survey.kinds.vectors import VECTOR, VECTOR_Y, VECTOR_Z
 from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from obseq.formats.columns import Columns
-    from obseq.formats.includes import Folder
-    from obseq.reading.text import TextFile
 
 CARTESIAN, POLAR, AXIS, BASELINES, EQUAL_HEIGHTS, EQUAL_LENGTHS = SETS = (11, 12, 18, 19, 21, 22)
 PLUMB = {"V": True, "1": True, "N": False, "-1": False}

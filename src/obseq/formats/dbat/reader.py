@@ -6,14 +6,16 @@ sensor, ours in pixels: a pixel is the height of the sensor over that of the ima
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
+from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
@@ -22,12 +24,6 @@ from obseq.reading.origin import Origin
 from obseq.reading.tables import number_in, text_of
 from obseq.reading.text import counted
 from obseq.reading.xml import Element, read_xml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.images.bundle import BundleAdjustment
 
 ROOT, MODEL = "document", 3
 DEGREE = (3, 1, 1)

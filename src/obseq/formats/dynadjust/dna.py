@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.formats.dynadjust.records import (
     ANGLES,
@@ -24,14 +26,7 @@ from obseq.formats.dynadjust.records import (
     radians_of_parts,
 )
 from obseq.reading.angles import SECOND
-from obseq.reading.text import parse_number, quoted, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, parse_number, quoted, read_text
 
 Span = tuple[int, int]
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.formats.dynadjust.records import (
     ANGLES,
     GEOGRAPHIC,
@@ -23,14 +25,7 @@ from obseq.formats.dynadjust.records import (
 )
 from obseq.reading.angles import SECOND
 from obseq.reading.text import quoted
-from obseq.reading.xml import children_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.reading.xml import Element
+from obseq.reading.xml import Element, children_of
 
 _MEMBERS = {"G": "GPSBaseline", "X": "GPSBaseline", "Y": "Clusterpoint"}
 _CROSSED = {"GPSBaseline": "GPSCovariance", "Clusterpoint": "PointCovariance"}

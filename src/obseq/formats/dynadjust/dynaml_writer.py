@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.reading.angles import SECOND
@@ -16,12 +17,7 @@ from obseq.survey.kinds.geodetic import CHORD, GEO_X, HEIGHT, LATITUDE, LONGITUD
 from obseq.survey.kinds.lengths import DIST
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.kinds.vectors import VECTOR
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 LONGEST = 20
 """Letters of the name of a station."""

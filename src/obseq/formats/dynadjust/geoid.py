@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.reading.angles import SECOND
 from obseq.reading.text import read_bytes, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
 
 _RECORD = 16
 _OVERVIEW, _SUB_GRID = 11, 11

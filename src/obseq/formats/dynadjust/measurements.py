@@ -4,33 +4,26 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.crs.frames import FrameAtEpoch, moved
 from obseq.errors import CrsError
 from obseq.formats.columns import Columns, Measure
-from obseq.formats.dynadjust.records import VECTORS, radians_of_packed
-from obseq.formats.dynadjust.stations import geocentric
+from obseq.formats.dynadjust.records import VECTORS, Header, MeasurementRecord, Member, radians_of_packed
+from obseq.formats.dynadjust.stations import Stations, geocentric
 from obseq.printable import listed
 from obseq.reading.text import LEAST_SIGMA, quoted
 from obseq.survey.kinds.calibrated import DIST_SCALE
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE, curvatures
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DH, DIST
 from obseq.survey.kinds.vectors import VECTOR, VECTOR_Y, VECTOR_Z
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.formats.dynadjust.records import Header, MeasurementRecord, Member
-    from obseq.formats.dynadjust.stations import Stations
-    from obseq.survey.kinds.kind import ObservationKind
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook, Orientation
 
 QUARTER = math.pi / 2.0
 KINDS = dict.fromkeys("CEM", CHORD) | {"S": DIST, "L": DH, "H": HEIGHT, "R": HEIGHT}

@@ -8,19 +8,13 @@ refused, unless it has the value of a new project.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.errors import InputError
 from obseq.formats.dynadjust.reader import read_dna, read_dynaml
 from obseq.formats.includes import Folder
-from obseq.formats.project import only_one
-from obseq.reading.text import quoted, read_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.project import Project, Reading
-    from obseq.reading.text import TextFile
+from obseq.formats.project import Project, Reading, only_one
+from obseq.reading.text import TextFile, quoted, read_text
 
 SECTION = "import"
 FILES, GEOID, GRID = "stn-msr-file", "geo-file", "ntv2-file"

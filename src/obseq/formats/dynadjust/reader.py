@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
@@ -10,16 +10,10 @@ from obseq.formats.dynadjust.dna import DnaFile
 from obseq.formats.dynadjust.dynaml import read_records
 from obseq.formats.dynadjust.geoid import read_geoid
 from obseq.formats.dynadjust.measurements import field_book
-from obseq.formats.dynadjust.records import Header
+from obseq.formats.dynadjust.records import Header, MeasurementRecord, StationRecord
 from obseq.formats.dynadjust.stations import Stations
-from obseq.formats.project import Project
+from obseq.formats.project import Project, Reading
 from obseq.records.shown_units import ShownUnits
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.dynadjust.records import MeasurementRecord, StationRecord
-    from obseq.formats.project import Reading
 
 STN, MSR = ".stn", ".msr"
 

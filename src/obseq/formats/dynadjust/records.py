@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.reading.xml import Element
+from obseq.reading.xml import Element
 
 ANGLES = "ABKVZD"
 """Types whose value is an angle in degrees, minutes and seconds, and whose sigma is in seconds."""

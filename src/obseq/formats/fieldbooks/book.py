@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,23 +19,16 @@ from obseq.errors import InputError
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.default_sigmas import lacking
 from obseq.formats.levelled_points import hold_plans
-from obseq.formats.project import Project
+from obseq.formats.project import Project, Reader, Reading
 from obseq.formats.stochastic import NAME_OF, StochasticModel
 from obseq.printable import listed
 from obseq.reading.angles import FULL_TURN, RIGHT_ANGLE
-from obseq.reading.text import quoted, read_text
+from obseq.reading.text import TextFile, quoted, read_text
 from obseq.survey.kinds.directions import HZ, ZEN
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.kinds.registry import codes
 from obseq.survey.model import points_of_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping
-    from pathlib import Path
-
-    from obseq.formats.project import Reader, Reading
-    from obseq.reading.text import TextFile
-    from obseq.survey.kinds.kind import ObservationKind
 
 SHOWN = 5
 """Names or places that a warning lists."""

@@ -9,15 +9,11 @@ height. Angles are gon or ddd.mmss, as label 23 says; a file without it is told 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown
 from obseq.reading.angles import ANGLES, dms
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile
 
 NOWHERE = "a station (2=)"
 STATION, HEIGHT, TARGET, REFERENCE, LIFT, UNITS, CIRCLE_SET = "2", "3", "5", "62", "6", "23", "21"

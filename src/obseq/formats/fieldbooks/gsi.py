@@ -11,16 +11,13 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from obseq.formats.fieldbooks.book import SHOWN, Book, Sight, reader_of, unfilled
 from obseq.printable import listed
 from obseq.reading.angles import FOOT, of_sixty
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile
 
 NOWHERE = (
     "a block with the coordinates of the station (84, 85), its name (16), or a code (41) with its name (42) "

@@ -8,16 +8,11 @@ tilt of the instrument, `_,` its height.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown, unfilled
 from obseq.reading.angles import ANGLES, FOOT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.reading.text import TextFile
-
+from obseq.reading.text import TextFile
 
 NOWHERE = "a station (STN)"
 LABEL = 8

@@ -8,15 +8,11 @@ style sheets. Mean turned angles and reductions are results of the readings, and
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.formats.fieldbooks.book import Book, Sight, named
+from obseq.formats.project import Project, Reading
 from obseq.reading.xml import Element, read_xml
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.project import Project, Reading
 
 ROOT = "JOBFile"
 NOWHERE = "a StationRecord with the StationID of the point"

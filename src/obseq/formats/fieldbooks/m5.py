@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from obseq.formats.fieldbooks.book import Book, Sight, named, reader_of, shown
 from obseq.reading.angles import ANGLES, FOOT, RIGHT_ANGLE
-
-if TYPE_CHECKING:
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile
 
 NOWHERE = "a point with the code S"
 LENGTHS = {"m": 1.0, "ft": FOOT, "mm": 1e-3, "in": FOOT / 12.0}

@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
 
 from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, reader_of, shown
 from obseq.reading.angles import ANGLES, FOOT, SURVEY_FOOT
-
-if TYPE_CHECKING:
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile
 
 NOWHERE = "a station (ST)"
 PLACES = ("UP", "MP", "CC", "RE", "MC")

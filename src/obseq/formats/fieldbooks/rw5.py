@@ -7,13 +7,10 @@ backsight, from which angles to the right (`AR`) are read. Angles are ddd.mmsss,
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, named, reader_of, shown
 from obseq.reading.angles import ANGLES, FOOT, HALF_TURN, SURVEY_FOOT
-
-if TYPE_CHECKING:
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile
 
 NOWHERE = "an occupied point (OC)"
 SIGHTS = ("SS", "TR", "BD", "BR", "FD", "FR")

@@ -8,13 +8,11 @@ of the circle. Names have 16 columns, numbers as many; 4 and 10 in SDR2x.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from obseq.formats.fieldbooks.book import Book, Sight, from_horizon, reader_of, shown, unfilled
 from obseq.reading.angles import ANGLES, FOOT, SURVEY_FOOT
-
-if TYPE_CHECKING:
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile
 
 NOWHERE = "a station record (02)"
 HEADER, INSTRUMENT, STATION, TARGET, BACK, PLACE, SIGHT, JOB = "00", "01", "02", "03", "07", "08", "09", "10"

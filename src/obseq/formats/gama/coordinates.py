@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.gama.sets import LARGEST_PART, SetWriter, matrix_lines, number
 from obseq.formats.gama.values import MILLIMETRE
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.registry import codes
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
 
 VECTORS = codes(LOCAL_X, LOCAL_Y, LOCAL_Z)
 COORDINATES = codes(POINT_X, POINT_Y, POINT_Z)

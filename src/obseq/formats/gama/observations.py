@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.gama import values
-from obseq.formats.gama.values import Value
+from obseq.formats.gama.points import PointTable
+from obseq.formats.gama.values import Band, Value
 from obseq.graphs import parts
 from obseq.reading.text import quoted
+from obseq.reading.xml import Element
 from obseq.records.adjustment import UnusedRecord
 from obseq.survey.kinds.coordinates import POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.formats.gama.points import PointTable
-    from obseq.formats.gama.values import Band
-    from obseq.reading.xml import Element
-    from obseq.survey.kinds.kind import ObservationKind
 
 FULL_TURN = 2.0 * math.pi
 PLAN, HEIGHT, SPACE = (True, False), (False, True), (True, True)

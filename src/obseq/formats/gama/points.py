@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
-from obseq.reading.text import quoted
+from obseq.reading.text import TextFile, quoted
+from obseq.reading.xml import Element
 from obseq.survey.model import Points
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.reading.text import TextFile
-    from obseq.reading.xml import Element
 
 ATTRIBUTES = ("id", "x", "y", "z", "fix", "adj")
 _CHOICES = ("xy", "z", "xyz", "xyZ", "XY", "Z", "XYZ", "XYz")

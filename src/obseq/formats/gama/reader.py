@@ -7,7 +7,7 @@ here, `Local`, with a refraction coefficient of 1. Points keep the axes of the f
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq import crs
 from obseq.formats.columns import Columns
@@ -19,11 +19,7 @@ from obseq.formats.project import Project, Reading, only_one
 from obseq.reading.angles import SECOND
 from obseq.reading.xml import Element, read_xml
 from obseq.records.shown_units import ShownUnits
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook
 
 ROOTS = ("gama-local", "gama-xml")
 NAMESPACES = (None, "http://www.gnu.org/software/gama/gama-local")

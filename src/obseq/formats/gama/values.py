@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.reading.angles import GON, SECOND, dashed
 from obseq.reading.text import parse_number, quoted
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.reading.xml import Element
+from obseq.reading.xml import Element
 
 RADIANS_PER_GON = GON
 RADIANS_PER_CC = RADIANS_PER_GON * 1e-4

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import field
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.gama.coordinates import COORDINATES, VECTORS, CoordinateWriter
@@ -16,15 +17,10 @@ from obseq.formats.gama.values import MILLIMETRE, RADIANS_PER_CC, RADIANS_PER_GO
 from obseq.survey.initial.plan_only import with_plans_only
 from obseq.survey.kinds.coordinates import POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.kinds.registry import BY_CODE, codes
 from obseq.survey.model import Orientation, automatic_fix
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray
-    from obseq.survey.kinds.kind import ObservationKind
 
 NAMESPACE = "http://www.gnu.org/software/gama/gama-local"
 ELEMENTS = {

@@ -9,22 +9,18 @@ the points.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.formats.dynadjust.reader import Content, network_of
 from obseq.formats.dynadjust.records import Header, MeasurementRecord, Member, Place, StationRecord
 from obseq.formats.dynadjust.stations import DEGREES
+from obseq.formats.project import Project, Reading
 from obseq.reading.text import quoted
 from obseq.reading.xml import Element, read_xml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.formats.project import Project, Reading
 
 ROOT = "GVX"
 METRES = ("metre", "metres", "meter", "meters", "m")

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple, Protocol
 
-from obseq.formats.fieldbooks.book import named
+from obseq.formats.fieldbooks.book import Book, named
+from obseq.formats.landxml.units import Units
 from obseq.reading.angles import FULL_TURN, HALF_TURN
+from obseq.reading.xml import Element
 from obseq.survey.kinds.directions import AZIM, HZ, ZEN
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from obseq.formats.fieldbooks.book import Book
-    from obseq.formats.landxml.units import Units
-    from obseq.reading.xml import Element
-    from obseq.survey.kinds.kind import ObservationKind
 
 REFUSED = {
     "GPSVector": "it has no covariance; give GNSS vectors in a DNA or DynaML file",

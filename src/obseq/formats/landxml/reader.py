@@ -8,21 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq import crs
 from obseq.formats.fieldbooks.book import Book, named
 from obseq.formats.landxml.observations import SurveyReader
-from obseq.formats.landxml.units import units_of
+from obseq.formats.landxml.units import Units, units_of
 from obseq.formats.project import Project, Reading, only_one
 from obseq.reading.xml import Element, read_xml
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.landxml.units import Units
 
 ROOT = "LandXML"
 CONTROL = "control"

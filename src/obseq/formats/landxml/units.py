@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.reading.angles import dms
 from obseq.reading.text import quoted
+from obseq.reading.xml import Element
 from obseq.records.shown_units import ShownUnits, length_named
-
-if TYPE_CHECKING:
-    from obseq.reading.xml import Element
 
 LENGTHS = {
     "meter": 1.0,

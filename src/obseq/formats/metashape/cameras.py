@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.formats.fitted import fitted_camera
 from obseq.formats.metashape.document import floats, label_of, number_of
 from obseq.images.camera import Camera
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.reading.xml import Element
+from obseq.reading.xml import Element
 
 DEGREE = (3, 1, 1)
 KNOWN = ("f", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2", "b1", "b2")

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
-from obseq.formats.metashape.cameras import read_sensor
+from obseq.formats.metashape.cameras import Sensor, read_sensor
 from obseq.formats.metashape.document import (
     chunk_of,
     floats,
@@ -29,17 +29,13 @@ from obseq.formats.metashape.document import (
 )
 from obseq.formats.metashape.tie_points import add_tie_points
 from obseq.geometry import closest_rotation
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.reading.origin import Origin
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.formats.metashape.cameras import Sensor
-    from obseq.images.bundle import BundleAdjustment
-    from obseq.images.camera import Camera
-    from obseq.reading.xml import Element
+from obseq.reading.xml import Element
 
 LOCAL = "LOCAL_CS"
 ACCURACY = 10.0

@@ -6,24 +6,19 @@ projections found at the full scale of an image; others are as much larger as th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.blocks.reading import note_count
 from obseq.formats.metashape.document import items, member
+from obseq.images.bundle import BundleAdjustment
 from obseq.images.measures import ImagePoints
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import numpy.typing as npt
-
-    from obseq.arrays import FloatArray
-    from obseq.images.bundle import BundleAdjustment
-    from obseq.reading.xml import Element
+from obseq.reading.xml import Element
 
 TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

@@ -7,17 +7,14 @@ points that are numbers are no markers: such files have none.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from obseq.formats.camera_terms import check_cameras
-
-if TYPE_CHECKING:
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.block import Block
-    from obseq.images.camera import Camera
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.block import Block
+from obseq.images.camera import Camera
 
 TERMS = ("K1", "K2", "K3", "K4", "p1", "p2")
 LOCAL = 'LOCAL_CS["Local Coordinates",LOCAL_DATUM["Local Datum",0],UNIT["metre",1]]'

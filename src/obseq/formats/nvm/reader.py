@@ -10,22 +10,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.formats.blocks.features import add_features
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.geometry import RigidMotion, rotations_from
+from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.poses import Poses
 from obseq.reading.tables import text_of
 from obseq.reading.text import counted
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.bundle import BundleAdjustment
 
 FREE = ("F", "K1")
 """What VisualSFM estimates of a camera."""

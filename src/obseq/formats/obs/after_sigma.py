@@ -7,17 +7,12 @@ that is read is used, unless the user has said that such numbers are to be ignor
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.reading.text import leading_numbers, parse_number
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, leading_numbers, parse_number
 
 IGNORABLE = {
     "after-sigma": "everything after the sigma of an OBS line",

@@ -21,9 +21,10 @@ switched off and the component is free. This is Comp3D's reading; MMVII has no s
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,9 +45,6 @@ from obseq.reading.text import (
 )
 from obseq.survey.model import Points, merge_points
 from obseq.writing import write_text
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
 
 LARGEST_DEFLECTION = 600.0
 """Arc seconds; beyond it a deflection is a mistake."""

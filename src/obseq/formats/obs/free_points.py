@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -37,9 +37,6 @@ from obseq.reading.text import (
 )
 from obseq.survey.model import Points, merge_points
 from obseq.survey.point_file_options import PointFileOptions
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _MANDATORY = ("N", "X", "Y", "Z")
 _SIGMAS = ("Sx", "Sy", "Sz")

@@ -18,8 +18,8 @@ A keyword of ours: `#INSTRUMENT TS15` names the instrument of the lines that fol
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,15 +39,11 @@ from obseq.reading.text import (
 )
 from obseq.survey.kinds.components import DX, DY
 from obseq.survey.kinds.directions import AZIM, HZ
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DIST
 from obseq.survey.kinds.registry import BY_CODE, KINDS
 from obseq.survey.model import FieldBook, GroupKind, Observations, Orientation
 from obseq.writing import write_text
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
-
-    from obseq.survey.kinds.kind import ObservationKind
 
 RADIANS_PER_GON = math.pi / 200.0
 _WHITE_SPACE = " \t\r\f\v"

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from obseq.formats.obs.cor import read_cor
 from obseq.formats.once import require_distinct
 from obseq.formats.project import in_own_units
 from obseq.survey.model import Points, merge_points
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
 
 PointReader = Callable[[Path, str], tuple[Points, list[float]]]
 """Of a path and an encoding: points in metres, and the unit of each (m; NaN for that of its system)."""

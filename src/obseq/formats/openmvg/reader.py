@@ -6,19 +6,15 @@ Poses are a rotation from world to camera and the centre, x right, y down, z for
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.formats.blocks.features import add_features
-from obseq.formats.blocks.json_nodes import read_json
+from obseq.formats.blocks.json_nodes import Node, read_json
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
+from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from obseq.formats.blocks.json_nodes import Node
-    from obseq.images.bundle import BundleAdjustment
 
 _ONE = ("F", "PPx", "PPy")
 MODELS = {

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.formats.blocks.json_nodes import Node
 from obseq.formats.fitted import fitted_camera
 from obseq.images.camera import Camera
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.formats.blocks.json_nodes import Node
 
 BROWN = ("perspective", "brown", "radial", "simple_radial")
 _TWO = ("F", "PPx", "PPy", "b1")

@@ -8,27 +8,23 @@ at `reference_lla`: a local tangent frame (RTL).
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.formats.blocks.features import add_features
-from obseq.formats.blocks.json_nodes import read_json
+from obseq.formats.blocks.json_nodes import Node, read_json
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.formats.blocks.rigs import Rig, add_rig
 from obseq.formats.opensfm.cameras import read_camera
 from obseq.formats.opensfm.world import add_ground_points, add_positions
 from obseq.geometry import RigidMotion, exponential
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
 from obseq.images.poses import Poses
 from obseq.reading.tables import text_of
 from obseq.reading.text import counted
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.formats.blocks.json_nodes import Node
-    from obseq.images.bundle import BundleAdjustment
-    from obseq.images.camera import Camera
 
 PLACES = ("", "opensfm")
 """Where the files are in a folder: beside one another, or in that of ODM's project."""

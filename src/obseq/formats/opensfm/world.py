@@ -7,24 +7,20 @@ ellipsoid.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.errors import CrsError, InputError
 from obseq.formats.blocks.ground import control_in_frame, frame_for, heights_said
+from obseq.formats.blocks.json_nodes import Node
 from obseq.formats.blocks.reading import note_count
+from obseq.images.bundle import BundleAdjustment
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.reading.tables import text_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.formats.blocks.json_nodes import Node
-    from obseq.images.bundle import BundleAdjustment
 
 UTM = re.compile(r"WGS84\s+UTM\s+(\d{1,2})([NS])", re.IGNORECASE)
 DOP = 15.0

@@ -12,25 +12,21 @@ There is no standard: `check_convention` tells with one image and its measures w
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.block import Block
+from obseq.images.camera import Camera
+from obseq.images.control import ControlPoints
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
 from obseq.reading.tables import number_in, text_of
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from obseq.arrays import FloatArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.block import Block
-    from obseq.images.camera import Camera
-    from obseq.images.control import ControlPoints
-    from obseq.images.measures import ImagePoints
 
 LETTERS = "NXYZOPKM?"
 NAMED = {

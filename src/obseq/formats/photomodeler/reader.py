@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,14 +19,12 @@ from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.formats.dbat.reader import BrownCamera
+from obseq.images.bundle import BundleAdjustment
+from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
 from obseq.reading.tables import text_of
-
-if TYPE_CHECKING:
-    from obseq.images.bundle import BundleAdjustment
-    from obseq.images.camera import Camera
 
 HEADER, PHOTO = 5, 6
 """Lines of the header and of a photo."""

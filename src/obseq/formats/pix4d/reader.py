@@ -8,21 +8,18 @@ distortion. Image points are in none of its files: give them with `--measures`.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import rq
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.formats.blocks.reading import hold_all_but, new_block
 from obseq.geometry import closest_rotation
+from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
 from obseq.images.poses import Poses
 from obseq.reading.tables import text_of
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.images.bundle import BundleAdjustment
 
 FIRST = "fileName imageWidth imageHeight"
 WIDTHS = (3, 3, 3, 3, 2, 3, 3, 3, 3)

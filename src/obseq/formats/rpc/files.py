@@ -7,20 +7,15 @@ taken off.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.images.aerial.rpc import KEYS, Rpc
 from obseq.reading.tables import text_of
-from obseq.reading.xml import read_xml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.reading.xml import Element
+from obseq.reading.xml import Element, read_xml
 
 PARTS = ("LINE_NUM", "LINE_DEN", "SAMP_NUM", "SAMP_DEN")
 COUNT = 20

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -13,16 +14,11 @@ from obseq.errors import InputError
 from obseq.formats.blocks.ground import control_in_frame
 from obseq.formats.blocks.tables import control_table, read_measures
 from obseq.formats.rpc.files import image_of, read_rpc
+from obseq.images.aerial.rpc import Rpc
 from obseq.images.control import ControlPoints
 from obseq.images.measures import ImagePoints
 from obseq.images.names import unique_names
 from obseq.images.satellite.block import GEOGRAPHIC, SatelliteBlock
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from obseq.images.aerial.rpc import Rpc
 
 NONE = ControlPoints.of([], np.zeros((0, 3)))
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
 
 NORMAL_MATRIX = "SOLUTION/NORMAL_EQUATION_MATRIX"
 NORMAL_VECTOR = "SOLUTION/NORMAL_EQUATION_VECTOR"

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.dynadjust.stations import ELLIPSOID
-from obseq.formats.project import Project
+from obseq.formats.project import Project, Reading
 from obseq.formats.sinex.normals import (
     NORMAL_MATRIX,
     NORMAL_VECTOR,
@@ -22,19 +24,10 @@ from obseq.formats.sinex.normals import (
     reduced,
     rows_of,
 )
-from obseq.reading.text import quoted, read_text
+from obseq.reading.text import TextFile, quoted, read_text
 from obseq.survey.kinds.coordinates import NORMAL_ROW
 from obseq.survey.kinds.geodetic import GEO_X, GEO_Y, GEO_Z
-from obseq.survey.model import make_points, merge_points
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.formats.project import Reading
-    from obseq.reading.text import TextFile
-    from obseq.survey.model import Points
+from obseq.survey.model import Points, make_points, merge_points
 
 TYPES = {"STAX": 0, "STAY": 1, "STAZ": 2}
 KINDS = (GEO_X, GEO_Y, GEO_Z)

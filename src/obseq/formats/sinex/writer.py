@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.crs import geodetic_from_geocentric
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import FloatArray
 
 AGENCY = "OBQ"
 LONGEST = 4

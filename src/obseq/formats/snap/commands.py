@@ -5,21 +5,16 @@ from __future__ import annotations
 import fnmatch
 import math
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.dataclass import dataclass
+from obseq.errors import InputError
 from obseq.formats.includes import DEEPEST, Folder
 from obseq.formats.snap.stations import Mark, read_marks
-from obseq.reading.text import quoted, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from obseq.errors import InputError
-    from obseq.formats.snap.systems import System
-    from obseq.reading.text import TextFile
+from obseq.formats.snap.systems import System
+from obseq.reading.text import TextFile, quoted, read_text
 
 REFRACTION = 0.075
 """Coefficient of SNAP where no command says another; ours is twice as large."""

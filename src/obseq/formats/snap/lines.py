@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 from obseq.formats.dynadjust.records import radians_of_packed, radians_of_parts
-from obseq.formats.snap.systems import system_of
+from obseq.formats.snap.systems import System, system_of
 from obseq.reading.angles import SECOND
-from obseq.reading.text import quoted
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from obseq.formats.snap.systems import System
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, quoted
 
 ANGLES, SIDED = ("HA", "ZD", "AZ", "PB"), {"LT": "NS", "LN": "EW"}
 LENGTHS = ("SD", "HD", "ED", "MD", "DR")

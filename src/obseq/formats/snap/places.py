@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
+from obseq.formats.snap.lines import Sight
+from obseq.formats.snap.stations import Mark
+from obseq.formats.snap.systems import System
 from obseq.survey.kinds.geodetic import curvatures
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.formats.snap.lines import Sight
-    from obseq.formats.snap.stations import Mark
-    from obseq.formats.snap.systems import System
 
 
 class Places:

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 from obseq.errors import InputError
 from obseq.formats.dynadjust.measurements import field_book
 from obseq.formats.dynadjust.records import Header, MeasurementRecord, StationRecord
 from obseq.formats.dynadjust.stations import DEGREES, Stations
 from obseq.formats.includes import Folder
-from obseq.formats.project import Project, only_one
-from obseq.formats.snap.commands import Hold, read_commands
+from obseq.formats.project import Project, Reading, only_one
+from obseq.formats.snap.commands import Hold, Job, read_commands
 from obseq.formats.snap.records import Found, read_observations
-from obseq.formats.snap.stations import Geoid
+from obseq.formats.snap.stations import Geoid, Mark
 from obseq.records.shown_units import ShownUnits
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.formats.project import Reading
-    from obseq.formats.snap.commands import Job
-    from obseq.formats.snap.stations import Mark
 
 EARTH = 6.378e6
 """Radius (m) that turns standard errors of floated stations into angles."""

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.formats.dynadjust.records import Header, MeasurementRecord, Member, Place
-from obseq.formats.snap.lines import ANGLES, ERRORS, LENGTHS, VECTORS, DataFile
+from obseq.formats.snap.commands import Job
+from obseq.formats.snap.lines import ANGLES, ERRORS, LENGTHS, VECTORS, DataFile, Sight, Together
 from obseq.formats.snap.places import Places
-from obseq.reading.text import quoted, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.formats.snap.commands import Job
-    from obseq.formats.snap.lines import Sight, Together
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, quoted, read_text
 
 CODES = {"SD": "S", "HD": "C", "ED": "E", "MD": "C", "DR": "S", "ZD": "V", "AZ": "B", "PB": "B", "LV": "L"}
 CODES |= {"OH": "H", "EH": "R", "LT": "P", "LN": "Q", "GB": "G", "GX": "Y"}

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 from obseq.formats.dynadjust.records import Place, radians_of_parts
 from obseq.formats.snap.systems import System, system_of
 from obseq.reading.angles import SECOND
-from obseq.reading.text import quoted, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, quoted, read_text
 
 SIDES = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
 OPTIONS = ("orthometric_heights", "ellipsoidal_heights", "deflections", "geoid_heights", "station_orders")

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.crs.frames import geographic_crs
 from obseq.dataclass import dataclass
 from obseq.errors import CrsError
 from obseq.formats.dynadjust.stations import ELLIPSOID
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
 
 OLD_DATUM = "+proj=longlat +ellps=intl +towgs84=0,0,0"
 """NZGD1949 on its own ellipsoid; a way to other datums is not needed."""

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.default_sigmas import lacking
-from obseq.formats.starnet.values import NOT_MEASURED, Sigma, split_rest
-from obseq.formats.stochastic import LIBRARY, NAME_OF, read_stochastic
+from obseq.formats.starnet.values import NOT_MEASURED, Line, Sigma, split_rest
+from obseq.formats.stochastic import LIBRARY, NAME_OF, Sigmas, StochasticModel, read_stochastic
 from obseq.survey.kinds.directions import ANGLE, AZIM, HZ, ZEN
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ
 from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.formats.starnet.values import Line
-    from obseq.formats.stochastic import Sigmas, StochasticModel
-    from obseq.survey.kinds.kind import ObservationKind
 
 FULL_TURN = 2.0 * math.pi
 KILOMETRE = 1000.0

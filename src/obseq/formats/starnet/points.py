@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
-from obseq.formats.starnet.values import DEFAULT, FIXED, FREE, MARKS
+from obseq.arrays import FloatArray
+from obseq.formats.starnet.values import DEFAULT, FIXED, FREE, MARKS, Line
 from obseq.reading.text import quoted
 from obseq.survey.model import Points, points_of_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.formats.starnet.values import Line
 
 _NOTHING = (math.nan, math.nan, math.nan)
 

@@ -9,19 +9,14 @@ unit of the data, angles arc seconds (milligon where angles are in gon), levelli
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 from obseq.dataclass import dataclass
 from obseq.formats.starnet.values import FEET, Options
 from obseq.formats.stochastic import Sigmas, StochasticModel
 from obseq.reading.angles import GON, SECOND
-from obseq.reading.text import read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, read_text
 
 LIBRARY, FILES = "instrumentlibrary", "datafilelist"
 KILOMETRE = 1000.0

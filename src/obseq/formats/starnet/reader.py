@@ -7,8 +7,9 @@ and degrees).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.formats.columns import Columns
 from obseq.formats.includes import DEEPEST, Folder
@@ -22,13 +23,7 @@ from obseq.formats.starnet.vectors import CODES as VECTORS
 from obseq.formats.starnet.vectors import VectorLines
 from obseq.formats.stochastic import StochasticModel
 from obseq.printable import listed
-from obseq.reading.text import read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from obseq.reading.text import TextFile
+from obseq.reading.text import TextFile, read_text
 
 PROJECTS = (".snproj", ".prj")
 """Suffixes of project files."""

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.reading.angles import DASHED, GON, SECOND, dashed, dms
-from obseq.reading.text import quoted
+from obseq.reading.text import TextFile, quoted
 from obseq.records.shown_units import ShownUnits, length_named
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from obseq.reading.text import TextFile
 
 FEET = {"feetus": 1200.0 / 3937.0, "feetint": 0.3048}
 FREE, FIXED, DEFAULT, NOT_MEASURED = "*", "!", "&", "?"

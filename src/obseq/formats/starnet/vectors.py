@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.formats.columns import Columns, Measure
+from obseq.formats.starnet.values import Line
 from obseq.survey.kinds.vectors import VECTOR, VECTOR_Y, VECTOR_Z
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.arrays import FloatArray
-    from obseq.formats.starnet.values import Line
 
 CODES = ("g0", "g1", "g2", "g3")
 CORNERS = ((0, 1), (0, 2), (1, 2))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.formats.columns import Columns
+from obseq.formats.columns import Columns
 
 
 class Member(NamedTuple):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from obseq.errors import InputError
 from obseq.formats.columns import Columns
@@ -17,10 +17,7 @@ from obseq.formats.tables.reader import add_observations, points_in
 from obseq.formats.tables.table import OF_POINTS, Table
 from obseq.printable import composed
 from obseq.reading.text import TextFile
-from obseq.survey.model import merge_points
-
-if TYPE_CHECKING:
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points, merge_points
 
 Cell = Any
 """A number or a text, as tables hold them."""

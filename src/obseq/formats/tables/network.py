@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from obseq import crs
 from obseq.arguments import NOTHING, NUMBER, TEXT, expecting
-from obseq.formats.tables.in_memory import observations_of, points_of
+from obseq.formats.tables.in_memory import Given, observations_of, points_of
 from obseq.stopwatch import Stopwatch
 from obseq.survey.network import Network
-
-if TYPE_CHECKING:
-    from obseq.formats.tables.in_memory import Given
 
 
 @expecting(frame=TEXT | NOTHING, points_crs=TEXT | NOTHING, angles=TEXT, refraction=NUMBER)

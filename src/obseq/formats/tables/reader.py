@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq.errors import InputError, ObseqError
 from obseq.formats.columns import Columns, Measure
 from obseq.formats.levelled_points import hold_plans, with_heights
-from obseq.formats.project import Project
+from obseq.formats.project import Project, Reading
 from obseq.formats.tables.clusters import Clusters
 from obseq.formats.tables.table import CLUSTERED, OF_OBSERVATIONS, OF_POINTS, Table, shown_in
 from obseq.printable import printable
 from obseq.reading.text import LEAST_SIGMA, quoted, read_text
 from obseq.survey.kinds.coordinates import BARY_X, BARY_Y, BARY_Z, POINT_X, POINT_Y, POINT_Z
 from obseq.survey.kinds.directions import ANGLE, AZIM
+from obseq.survey.kinds.formulas import FormulaKind
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.lengths import DIST_HZ
 from obseq.survey.kinds.registry import KINDS, kind_of_formula
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
 from obseq.survey.model import Orientation, Points, make_points, merge_points
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.formats.project import Reading
-    from obseq.survey.kinds.formulas import FormulaKind
-    from obseq.survey.kinds.kind import ObservationKind
 
 MORE_OF_POINTS = ("sx", "sy", "sz", "unit", "remark")
 MORE_OF_OBSERVATIONS = (

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterator
+from typing import Protocol
 
+from obseq.formats.columns import Measure
 from obseq.formats.default_sigmas import ANGLES
-from obseq.formats.tables.clusters import Member
+from obseq.formats.tables.clusters import Clusters, Member
 from obseq.reading.tables import DECIMAL_COMMA, Rows
-from obseq.reading.text import LEAST_SIGMA, quoted
+from obseq.reading.text import LEAST_SIGMA, TextFile, quoted
 from obseq.records.shown_units import METRES, ShownUnits
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.formats.columns import Measure
-    from obseq.formats.tables.clusters import Clusters
-    from obseq.reading.text import TextFile
-    from obseq.survey.kinds.kind import ObservationKind
+from obseq.survey.kinds.kind import ObservationKind
 
 LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3} | METRES
 """Units of lengths, as PROJ names them; `us-ft` is the foot of the United States' surveys."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -11,12 +11,7 @@ from obseq.formats.tables.reader import BARYCENTRES, TYPES
 from obseq.reading.text import check_writable
 from obseq.spreadsheets import csv_text
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.model import GroupKind, Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook, GroupKind, Orientation
 
 HEADER = (
     *("type", "from", "to", "backsight", "value", "sigma", "unit", "set", "orientation", "instrument"),

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import copy
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.block import Block
 from obseq.images.parts import Approximations
-
-if TYPE_CHECKING:
-    from typing import Self
-
-    from obseq.images.adjustment.solution import BundleSolution
 
 
 class AdjustableBlock(Block):

@@ -6,31 +6,27 @@ Thresholds come last, when they mean what they say.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.errors import SingularSystemError
+from obseq.images.adjustment.equations import Equations, MeasureBatch
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import LeftOut, put_points
 from obseq.images.adjustment.verdicts import cameras_refused
+from obseq.images.camera import Camera
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.rough import ROUGH
 from obseq.images.names import are_among
 from obseq.images.poses import Poses
-from obseq.leastsquares.problem.losses import Attenuated
+from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
+from obseq.leastsquares.problem.losses import Attenuated, Loss
 from obseq.leastsquares.solution.result import StopReason
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.adjustment.equations import Equations, MeasureBatch
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.camera import Camera
-    from obseq.leastsquares import Batch, Iteration, LeastSquaresResult
-    from obseq.leastsquares.problem.losses import Loss
 
 Solving: TypeAlias = dict[str, Any]
 """What `LeastSquares.solve` is given."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.geometry import sums_by_owner
 from obseq.images.adjustment.reference_equations import (
@@ -16,16 +16,13 @@ from obseq.images.adjustment.reference_equations import (
     shutters_of,
 )
 from obseq.images.adjustment.rigid_equations import RigidEquations, attach_rotations
+from obseq.images.adjustment.start import NumberedSet, Start
+from obseq.images.block import Block
+from obseq.images.camera import Camera
 from obseq.images.names import are_among, expression, index_of, no_parameter
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.adjustment.start import NumberedSet, Start
-    from obseq.images.block import Block
-    from obseq.images.camera import Camera
-    from obseq.images.parts import PoseObservations
-    from obseq.kernels.loading import Kernel
-    from obseq.leastsquares import Batch, LeastSquares
+from obseq.images.parts import PoseObservations
+from obseq.kernels.loading import Kernel
+from obseq.leastsquares import Batch, LeastSquares
 
 CONTROL = "control points"
 LENGTHS = "lengths"

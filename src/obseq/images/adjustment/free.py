@@ -8,27 +8,21 @@ fail, the damped solution is what there is, without precisions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence, Sized
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.errors import DivergenceError, InputError, SingularSystemError
-from obseq.images.adjustment.approach import approach, drop_undetermined, solve_to_the_end
+from obseq.arrays import FloatArray, IntArray
+from obseq.errors import DivergenceError, InputError, ObseqError, SingularSystemError
+from obseq.geometry import RigidMotion
+from obseq.images.adjustment.approach import Solving, approach, drop_undetermined, solve_to_the_end
+from obseq.images.adjustment.equations import Equations
+from obseq.images.adjustment.start import LeftOut
 from obseq.images.initial.growth import similarity
 from obseq.images.names import index_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence, Sized
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.errors import ObseqError
-    from obseq.geometry import RigidMotion
-    from obseq.images.adjustment.approach import Solving
-    from obseq.images.adjustment.equations import Equations
-    from obseq.images.adjustment.start import LeftOut
-    from obseq.leastsquares import Iteration, LeastSquares, LeastSquaresResult
+from obseq.leastsquares import Iteration, LeastSquares, LeastSquaresResult
 
 SETTLINGS = 8
 SETTLED = 1e-6

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.images.block import Block
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.images.block import Block
 
 FAR_OFF = 10.0
 """Sigmas by which a given centre may be off an observed one; it starts at the observation otherwise."""

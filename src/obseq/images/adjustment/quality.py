@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-from obseq.images.adjustment.equations import LENGTHS
+from obseq.images.adjustment.equations import LENGTHS, Equations, MeasureBatch
 from obseq.images.adjustment.start import LeftOut
-from obseq.leastsquares.statistics.reliability import reliability
+from obseq.images.adjustment.surveys import JoinedSurvey
+from obseq.leastsquares import Batch, LeastSquaresResult, Rejection
+from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.statistics.reliability import Reliability, reliability
 from obseq.leastsquares.statistics.snooping import SnoopingEnd, snoop
 from obseq.survey.kinds.registry import BY_CODE
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.adjustment.equations import Equations, MeasureBatch
-    from obseq.images.adjustment.surveys import JoinedSurvey
-    from obseq.leastsquares import Batch, LeastSquaresResult, Rejection
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.reliability import Reliability
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook
 
 
 @dataclass(frozen=True, eq=False)

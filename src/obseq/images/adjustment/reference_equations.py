@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
+from obseq.images.block import Block
 from obseq.images.names import index_of
-from obseq.images.parts import Clinometer, Pendulum
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.block import Block
-    from obseq.images.parts import Instruments, Needles
-    from obseq.images.references import Antenna, Shutter
-    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
-    from obseq.leastsquares.problem.priors import Prior
+from obseq.images.parts import Clinometer, Instruments, Needles, Pendulum
+from obseq.images.references import Antenna, Shutter
+from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+from obseq.leastsquares.problem.priors import Prior
 
 ANTENNAS = "antennas"
 LEVER_ARMS = "lever arms"

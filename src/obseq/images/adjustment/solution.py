@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import attitude_jacobian
-from obseq.images.adjustment.equations import are_far
-from obseq.images.adjustment.quality import measure_reliability
+from obseq.images.adjustment.equations import Equations, are_far
+from obseq.images.adjustment.quality import BlundersFound, MeasureReliability, measure_reliability
+from obseq.images.adjustment.reference_equations import ClinometerEquations, PendulumEquations
 from obseq.images.adjustment.referenced import Referenced
-from obseq.images.adjustment.rigid_equations import residuals_of
+from obseq.images.adjustment.rigid_equations import RigidEquations, RigidResiduals, residuals_of
+from obseq.images.adjustment.start import LeftOut, Start
+from obseq.images.adjustment.surveys import JoinedSurvey
 from obseq.images.adjustment.verdicts import weakness
+from obseq.images.block import Block
+from obseq.images.camera import Camera
 from obseq.images.names import index_of
+from obseq.images.parts import Clinometer, Pendulum
 from obseq.images.poses import Poses, are_in_front
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.adjustment.equations import Equations
-    from obseq.images.adjustment.quality import BlundersFound, MeasureReliability
-    from obseq.images.adjustment.reference_equations import ClinometerEquations, PendulumEquations
-    from obseq.images.adjustment.rigid_equations import RigidEquations, RigidResiduals
-    from obseq.images.adjustment.start import LeftOut, Start
-    from obseq.images.adjustment.surveys import JoinedSurvey
-    from obseq.images.block import Block
-    from obseq.images.camera import Camera
-    from obseq.images.parts import Clinometer, Pendulum
-    from obseq.leastsquares import Iteration, LeastSquaresResult
+from obseq.leastsquares import Iteration, LeastSquaresResult
 
 
 @dataclass(frozen=True, eq=False)

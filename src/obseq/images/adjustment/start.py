@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.adjustment.observed_centres import at_observed_centres
+from obseq.images.block import Block
+from obseq.images.camera import Camera
 from obseq.images.control import GivenComponents
 from obseq.images.initial.intersection import elsewhere, intersect
 from obseq.images.initial.rough import ROUGH, distant_places, misfit, usual_places
 from obseq.images.initial.units import unit_of_control
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of, numbered
+from obseq.images.parts import MeasureSet
 from obseq.images.poses import Poses, are_in_front
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.block import Block
-    from obseq.images.camera import Camera
-    from obseq.images.parts import MeasureSet
 
 
 class ContradictionError(InputError):
@@ -178,7 +174,7 @@ def start_of(block: Block, places: Mapping[str, FloatArray] | None = None) -> St
         off,
         _unmeasured(block, names),
     )
-    start = replace(start, met=_contradicted(start))
+    start = replace(start, met=contradicted(start))
     _require_in_front(block, start)
     return _without(start, reasons) if reasons else start
 
@@ -344,7 +340,7 @@ def _rays_to(
     )
 
 
-def _contradicted(start: Start) -> tuple[IntArray, FloatArray]:
+def contradicted(start: Start) -> tuple[IntArray, FloatArray]:
     """Control points whose rays meet far from where they are given, if they are few, and where these meet.
 
     From where it is given, one that is far off would carry the others away. Held coordinates stay.

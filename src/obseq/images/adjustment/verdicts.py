@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError, SingularSystemError
-from obseq.images.adjustment.start import ContradictionError
+from obseq.images.adjustment.equations import Equations
+from obseq.images.adjustment.start import ContradictionError, Start
+from obseq.images.block import Block
 from obseq.images.initial.distribution import check_spread
+from obseq.leastsquares import LeastSquaresResult
 from obseq.leastsquares.diagnosis.rejection import is_emptied
 from obseq.leastsquares.diagnosis.singular import grouped
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.images.adjustment.equations import Equations
-    from obseq.images.adjustment.start import Start
-    from obseq.images.block import Block
-    from obseq.leastsquares import LeastSquaresResult
 
 DATUMS = ("control", "centres", "points", "none")
 

@@ -6,22 +6,19 @@ that begin with # are passed over. A first line without any number where numbers
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.aerial.heights import HeightType
 from obseq.images.aerial.result_columns import LeftOut
 from obseq.images.aerial.shots import FrameCamera, Shots, axes_of, unit_of
 from obseq.reading.text import parse_number, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray, IntArray
 
 SHOTS, IMAGE_POINTS, GROUND_POINTS = "NXYZOPKC", "PNXY", "PTXYZ"
 """The usual headers."""

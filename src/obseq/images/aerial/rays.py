@@ -5,16 +5,13 @@ Rays are centres and directions in one Euclidean frame; nothing here knows of ma
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
 
 PARALLEL = 1e-12
 """Squared sine of the angle under which two rays count as parallel: doubles do not determine their foot."""

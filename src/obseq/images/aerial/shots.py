@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry.attitudes import TURNS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    import numpy.typing as npt
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.aerial.heights import HeightType
+from obseq.images.aerial.heights import HeightType
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.images.aerial.heights import HeightType
 from obseq.reading.text import check_file, read_bytes, start_of
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from obseq.arrays import FloatArray
-    from obseq.images.aerial.heights import HeightType
-
 
 _HEADER = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value")
 

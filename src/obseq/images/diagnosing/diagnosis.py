@@ -73,7 +73,7 @@ def diagnosed(
     """
     block = cast("AdjustableBlock", solution.block)
     measures = sum(len(part.measures) for part in block.sets)
-    is_undetermined = isinstance(solution.result.weak, SingularSystemError)
+    is_undetermined = solution.converged and isinstance(solution.result.weak, SingularSystemError)
     if solution.sigma0 is None or options.get("datum") == "none" or is_undetermined:
         return None
     subject = Subject(block, given, solution)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +14,7 @@ from obseq.diagnosis.linear import linearised, with_priors
 from obseq.diagnosis.policy import LOSSES, NO_WEIGHT, POLICY
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
+from obseq.images.adjustment.start import contradicted
 from obseq.images.causes.cameras import HELD_PARAMETER
 from obseq.images.causes.evidence import Evidence
 from obseq.images.diagnosing.catalogue import Catalogue
@@ -125,15 +127,17 @@ class BlockModel:
         """Where iterations with redescending losses lead: from the start, or from poses of the measures.
 
         In a large block a few errors do not carry least squares away: there they begin where these ended.
-        Where the adjustment had robust weights, that is where it ended.
+        Where the adjustment had robust weights, that is where it ended. More contradictions than errors that
+        are told one by one may come from the start.
         """
         if not self._is_plain and not without and self._ended:
             return self._ended
-        if self.numbering.n > POLICY.large and self._solution and self._off(self._solution) < POLICY.suspect:
-            return self._robustly(self._solution, without)
+        ended, most = self._solution, POLICY.half * np.count_nonzero(self.numbering.kept)
+        if self.numbering.n > POLICY.large and ended and self._off(ended) < most:
+            return self._robustly(ended, without)
         found = self._robustly(self.numbering.equations.start, without)
         for other_start in self._other_starts:
-            if self._off(found) < POLICY.suspect:
+            if self._off(found) <= POLICY.most:
                 break
             start = other_start()
             other = found if start is None else self._robustly(start, without)
@@ -153,6 +157,7 @@ class BlockModel:
                     self._lose(loss)
                     rounds, strategy = (ROUNDS, UNDAMPED) if isinstance(start, Place) else (count, DAMPED)
                     self._solve(max_iterations=rounds, tolerance=NEAR, strategy=strategy)
+                    self._put_where_rays_meet()
             except ObseqError:
                 pass  # what has been found so far is what there is
             finally:
@@ -173,6 +178,13 @@ class BlockModel:
         good = np.isfinite(places).all(axis=1)
         system.set_values(equations.points[np.array(rows, np.int64)[good]], places[good])
 
+    def _put_where_rays_meet(self) -> None:
+        """Puts control points where their rays meet, if these contradict them: no step leads so far."""
+        here = Evidence.of(self.numbering)
+        start = replace(self.numbering.equations.start, poses=here.poses, cameras=here.cameras)
+        rows, places = contradicted(start)
+        self._system.set_values(self.numbering.equations.points[rows], places)
+
     def off(self, place: Place) -> FloatArray:
         """(m,) how far image points are from where they should be, in sigmas."""
         self._table.restore(place.state)
@@ -185,8 +197,9 @@ class BlockModel:
     def _sigmas_of(self, item: MeasureBatch) -> FloatArray:
         return self.numbering.equations.start.sets[item.part].given.measures.sigmas[item.rows]
 
-    def _off(self, place: Place) -> float:
-        return float(np.median(self.off(place)[self.numbering.kept]))
+    def _off(self, place: Place) -> int:
+        """How many image points a place contradicts."""
+        return int(np.count_nonzero(self.off(place)[self.numbering.kept] > POLICY.suspect))
 
     def leave_out(self, images: IntArray, place: Place) -> None:
         """Goes on without some images, from a place, for as long as the block is borrowed."""

@@ -79,7 +79,7 @@ def _of_no_solution(
     held.freeze_parameters()
     found = tries.solved(held)
     if found is None:
-        return _single_errors(subject.block)
+        return _single_errors(subject.block) or _by_images(subject.block)
     return diagnosed(found, subject.given, told, **options)
 
 

@@ -6,18 +6,13 @@ x and y are pixels of image 1 (y down), z is a thousandth of a pixel of residual
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.epipolar.field import INTERVALS, percentiles
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.images.epipolar.field import Fit
+from obseq.arrays import FloatArray
+from obseq.images.epipolar.field import INTERVALS, Fit, percentiles
 
 EXAGGERATION = 1000.0
 """z of a cloud per pixel of residual."""

@@ -8,15 +8,12 @@ refreshed, and reads the weight of the monomial's index: its fits have been wron
 from __future__ import annotations
 
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-
 
 INTERVALS = 20
 """Percentiles are given at every twentieth, both ends included: 21 values, the last is the worst point."""

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.epipolar.field import percentiles
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.images.epipolar.field import Fit
+from obseq.arrays import FloatArray
+from obseq.images.epipolar.field import Fit, percentiles
 
 WIDTH = 560
 """Of a map, in CSS pixels."""

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.geometry import RigidMotion
-    from obseq.images.camera import Camera
-
+from obseq.geometry import RigidMotion
+from obseq.images.camera import Camera
 
 ORTHONORMAL = 1e-6
 """How far a rotation of a file may be from orthonormal."""

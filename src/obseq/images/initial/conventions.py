@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
+from obseq.images.camera import Camera
 from obseq.images.measure_checks import MARGIN
+from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
-
-    from obseq.arrays import FloatArray
-    from obseq.images.camera import Camera
-    from obseq.images.measures import ImagePoints
 
 MOST_MEASURES = 100_000
 """No larger block is tried again for the sake of a word."""

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.images.control import ControlPoints
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.control import ControlPoints
-    from obseq.images.measures import ImagePoints
-
 
 COLLINEAR = 1e-4
 """Below this linearity, points are on a line for a resection."""

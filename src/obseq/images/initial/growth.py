@@ -8,28 +8,24 @@ grown in a frame of its own, which three control points, or nothing, bring to th
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion, closest_rotation, exponential
+from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
 from obseq.images.initial.intersection import intersect
 from obseq.images.initial.relative import RelativeOrientation, relative_orientation
 from obseq.images.initial.resection import LEAST_POINTS, ResectionOptions, resect
+from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
 from obseq.images.poses import Poses
 from obseq.stopwatch import Tally
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.arrays import FloatArray
-    from obseq.images.camera import Camera
-    from obseq.images.measures import ImagePoints
 
 LOGGER = logging.getLogger(__name__)
 LEAST_COMMON = 8

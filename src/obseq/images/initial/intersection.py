@@ -7,21 +7,17 @@ images would count as much as near ones. Each point has its own covariance.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.geometry import inverse3, sums_by_owner
+from obseq.images.camera import Camera
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.camera import Camera
-    from obseq.images.measures import ImagePoints
-    from obseq.images.poses import Poses
+from obseq.images.poses import Poses
 
 PARALLEL = 1e-10
 """Mean squared sine of the angles between rays below which they are parallel."""

@@ -7,16 +7,12 @@ x, y, z, solved by the eigenvectors of the multiplication by x (Stewenius, Engel
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
 
 SAMPLE = 5
 POWERS1 = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))

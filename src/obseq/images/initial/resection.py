@@ -9,29 +9,23 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion
 from obseq.images.camera import Camera
+from obseq.images.control import ControlPoints
 from obseq.images.initial.distribution import check_spread
 from obseq.images.initial.three_points import poses_of_triplets
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
-from obseq.leastsquares import LeastSquares
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.control import ControlPoints
-    from obseq.images.measures import ImagePoints
-    from obseq.kernels.loading import Kernel
-    from obseq.leastsquares import LeastSquaresResult
-
+from obseq.kernels.loading import Kernel
+from obseq.leastsquares import LeastSquares, LeastSquaresResult
 
 LEAST_POINTS = 4
 TIMES_MEDIAN = 10.0

@@ -6,17 +6,13 @@ find them. To leave them out would be to throw away good measures because of poo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.geometry import sums_by_owner
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.initial.intersection import Intersection
-    from obseq.images.measures import ImagePoints
-    from obseq.images.poses import Poses
+from obseq.images.initial.intersection import Intersection
+from obseq.images.measures import ImagePoints
+from obseq.images.poses import Poses
 
 ROUGH = 10.0
 """Pixels: where half of the rays miss their points by more, the poses are rough."""

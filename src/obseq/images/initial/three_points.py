@@ -12,15 +12,10 @@ gamma (MMVII's arrangement of Grunert's equations).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.geometry import RigidMotion
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-
 
 RATIO_TOLERANCE = 1e-3
 """Share by which a ratio of squared distances may be missed: a double root is only good to sqrt(eps)."""

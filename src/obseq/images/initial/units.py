@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
+from obseq.images.block import Block
 from obseq.images.initial.growth import similarity
 from obseq.images.initial.intersection import intersect
 from obseq.images.measures import ImagePoints
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.images.block import Block
-    from obseq.images.poses import Poses
+from obseq.images.poses import Poses
 
 UNITS = (
     (1000.0, "millimetres, and the rest in metres"),

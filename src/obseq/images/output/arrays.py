@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.geometry import rotations_from
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.output.block_record import BundleRecord, CameraRecord
+from obseq.images.output.block_record import BundleRecord, CameraRecord, MeasureRecord
+from obseq.records.columns import Texts
+from obseq.records.rows import Rows
 
 UPPER = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Where the entries of a 3 by 3 covariance are among the six that a record holds."""
@@ -62,30 +62,39 @@ class BlockArrays:
 def arrays_of(record: BundleRecord) -> BlockArrays:
     """The arrays of a record."""
     names = [camera.name for camera in record.cameras]
-    columns, points = record.residuals, record.points
+    measures, points = record.measures, record.points
     covariances = None
     if record.precision != "none":
-        upper = np.array([point.covariance for point in points], dtype=np.float64).reshape(-1, 6)
-        covariances = upper[:, UPPER]
+        covariances = points.numbers("covariance").reshape(-1, 6)[:, UPPER]
     return BlockArrays(
         np.array([names.index(image.camera) for image in record.images], dtype=np.int64),
         np.array([image.centre for image in record.images], dtype=np.float64).reshape(-1, 3),
         rotations_from([image.quaternion for image in record.images], "quaternion"),
-        np.array([(point.x, point.y, point.z) for point in points], dtype=np.float64).reshape(-1, 3),
+        np.column_stack([points.numbers(axis) for axis in "xyz"]),
         covariances,
-        np.array([point.kind == "control" for point in points], dtype=bool),
-        np.array(columns.image, dtype=np.int64),
-        np.array(columns.point, dtype=np.int64),
-        np.column_stack([columns.x, columns.y]),
-        np.column_stack([columns.dx, columns.dy]),
-        np.column_stack([columns.sx, columns.sy]),
-        np.array(columns.weight, dtype=np.float64),
+        np.array([kind == "control" for kind in points.values("kind")], dtype=bool),
+        _positions(measures.texts("image"), [image.name for image in record.images]),
+        _positions(measures.texts("point"), points.values("name")),
+        _pairs(measures, ""),
+        _pairs(measures, "d"),
+        _pairs(measures, "s"),
+        measures.numbers("weight"),
     )
+
+
+def _pairs(measures: Rows[MeasureRecord], of: str) -> FloatArray:
+    return np.column_stack([measures.numbers(of + axis) for axis in "xy"])
+
+
+def _positions(column: Texts, names: Sequence[str]) -> IntArray:
+    """(n,) where the texts of a column are among some names."""
+    at = {name: k for k, name in enumerate(names)}
+    return np.array([at[name] for name in column.names], dtype=np.int64)[column.codes]
 
 
 def suspected_measures(record: BundleRecord) -> BoolArray:
     """(n,) image points, in the rows of the residuals, that are suspected to be gross errors."""
-    marked = np.zeros(len(record.residuals.image), dtype=bool)
+    marked = np.zeros(len(record.measures), dtype=bool)
     accused = () if record.diagnosis is None else record.diagnosis.accused
     marked[[place.row for one in accused for place in one.observations]] = True
     return marked

@@ -1,28 +1,26 @@
 """The record of a bundle adjustment: what the result file holds, and every report is made of.
 
-Format "obseq-bundle", version 5 (4 repeated the worst image points). Coordinates
-are in the unit of the world, those of images in pixels, angles in radians. What is not defined is None, and
-null in the file.
+Format "obseq-bundle", version 6 (5 had image points by columns in JSON). Coordinates are in the unit of the
+world, those of images in pixels, angles in radians. What is not defined is None, and null in the file.
 """
 
 from __future__ import annotations
 
-import itertools
-
 from obseq.errors import InputError
 from obseq.images.output.instruments import ClinometerRecord, RigidRecord
 from obseq.images.output.references import AntennaRecord, CheckPointRecord, ShutterRecord
-from obseq.images.output.shares import LARGE, Owners, RejectedShare, rejected_shares
+from obseq.images.output.shares import LARGE, RejectedShare, rejected_shares
 from obseq.images.output.testing import BlockReliabilityRecord
 from obseq.records.adjustment import IterationRecord, RunRecord
 from obseq.records.diagnosis import DiagnosisRecord
 from obseq.records.quality import GlobalTestRecord
 from obseq.records.record import Record, from_plain
-from obseq.records.table import AnyTable, Table, table_of
+from obseq.records.rows import Rows, hold_as_columns
+from obseq.records.table import AnyTable, table_of
 from obseq.report.result_file import text_of
 
 FORMAT = "obseq-bundle"
-VERSION = 5
+VERSION = 6
 
 
 class ParameterRecord(Record, frozen=True):
@@ -116,9 +114,13 @@ class MeasureRecord(Record, frozen=True):
     """An image point as it was adjusted: pixels, and the tests of both coordinates.
 
     Attributes:
+        x: column measured; `y` the line.
         dx: computed minus measured; `dy` the same.
-        w_x: residual over its own standard deviation; None without redundancy.
-        redundancy_x: share of an error that shows in the residual.
+        sx: sigma; `sy` the same.
+        weight: what robust weights left, 1 for all.
+        w_x: residual over its own standard deviation; None where nothing controls it. `w_y` of the line.
+        redundancy_x: share of an error that shows in the residual; `redundancy_y` of the line.
+        detectable_x: smallest blunder that the test finds, None as `w_x`; `detectable_y` of the line.
     """
 
     image: str
@@ -129,34 +131,13 @@ class MeasureRecord(Record, frozen=True):
     dy: float
     sx: float
     sy: float
-    weight: float
-    w_x: float | None
-    w_y: float | None
-    redundancy_x: float | None
-    redundancy_y: float | None
-
-
-class ResidualColumns(Record, frozen=True):
-    """All image points that were adjusted, by columns.
-
-    Attributes:
-        image: number of the image, a position in the images of the record.
-        point: number of the point, a position in its points.
-        x: column measured, pixels; `y` the line.
-        dx: computed minus measured, pixels; `dy` the same.
-        sx: sigma, pixels; `sy` the same.
-        weight: what robust weights left, 1 for all.
-    """
-
-    image: tuple[int, ...]
-    point: tuple[int, ...]
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    dx: tuple[float, ...]
-    dy: tuple[float, ...]
-    sx: tuple[float, ...]
-    sy: tuple[float, ...]
-    weight: tuple[float, ...]
+    weight: float = 1.0
+    w_x: float | None = None
+    w_y: float | None = None
+    redundancy_x: float | None = None
+    redundancy_y: float | None = None
+    detectable_x: float | None = None
+    detectable_y: float | None = None
 
 
 class BlockLeftOutRecord(Record, frozen=True):
@@ -177,7 +158,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
         unpaired: exposures of rigid blocks that lack an image; what there is of them took part.
         notes: what a file held and nothing here uses.
         behind: image points whose point is behind the camera in the end, and not far.
-        residuals: of all image points.
+        measures: all image points that were adjusted.
         reliability: None when no precision was asked for, or without redundancy.
         global_test: of sigma0; None without redundancy, and where robust weights make it meaningless.
         unmeasured: control points that are in no image: they change nothing.
@@ -200,13 +181,13 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     squares: dict[str, float]
     cameras: tuple[CameraRecord, ...]
     images: tuple[ImageRecord, ...]
-    points: tuple[BlockPointRecord, ...]
+    points: Rows[BlockPointRecord]
     left_out: tuple[BlockLeftOutRecord, ...]
     unpaired: tuple[BlockLeftOutRecord, ...]
     notes: tuple[str, ...]
     behind: tuple[ImagePointRecord, ...]
     weakened: int
-    residuals: ResidualColumns
+    measures: Rows[MeasureRecord]
     reliability: BlockReliabilityRecord | None
     rigid_blocks: tuple[RigidRecord, ...]
     clinometers: tuple[ClinometerRecord, ...]
@@ -225,6 +206,9 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     format: str = FORMAT
     version: int = VERSION
 
+    def __post_init__(self) -> None:
+        hold_as_columns(self)
+
     @property
     def is_complete(self) -> bool:
         """Converged, with nothing left out, no point behind a camera, and nothing suspected to be wrong.
@@ -241,29 +225,11 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     @property
     def rejected_shares(self) -> tuple[RejectedShare, ...]:
         """The block, or images and points, of which half of the tested coordinates or more are rejected."""
-        if self.reliability is None:
-            return ()
-        images = Owners("image", [item.name for item in self.images], self.residuals.image)
-        points = Owners("point", [item.name for item in self.points], self.residuals.point)
-        return rejected_shares(self.reliability, self.residuals.weight, images, points)
+        return () if self.reliability is None else rejected_shares(self.reliability, self.measures)
 
     def table(self, name: str = "points") -> AnyTable:
-        """One of its lists as a table (see `obseq.records.table`); "measures" are all image points."""
-        return Table(MeasureRecord, self.measures()) if name == "measures" else table_of(self, name)
-
-    def measures(self) -> tuple[MeasureRecord, ...]:
-        """All image points that were adjusted, with their names and tests."""
-        found, tests = self.residuals, self.reliability and self.reliability.all
-        names = [item.name for item in self.images], [item.name for item in self.points]
-        nothing = (None,) * len(found.x)
-        columns = zip(
-            (names[0][k] for k in found.image),
-            (names[1][k] for k in found.point),
-            *(found.x, found.y, found.dx, found.dy, found.sx, found.sy, found.weight),
-            *((tests.w_x, tests.w_y, tests.redundancy_x, tests.redundancy_y) if tests else (nothing,) * 4),
-            strict=True,
-        )
-        return tuple(itertools.starmap(MeasureRecord, columns))
+        """One of its lists as a table (see `obseq.records.table`)."""
+        return table_of(self, name)
 
     def to_json(self) -> str:
         """The text of the result file."""

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.output.block_record import BundleRecord
 from obseq.reading.tables import table_text
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.output.block_record import BundleRecord
 
 CONTROL, TIE, CAMERA = (255, 60, 40), (230, 230, 230), (60, 120, 255)
 """Colours: red, green, blue."""

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.images.adjustment.solution import BundleSolution
 
 
 class PlaceRecord(Record, frozen=True):

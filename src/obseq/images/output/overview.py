@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
-
-    from obseq.arrays import FloatArray
-    from obseq.images.block import Block
+from obseq.arrays import FloatArray
+from obseq.images.block import Block
 
 FIRST = 3
 """Names of a list before it is cut."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.images.output.arrays import arrays_of, suspected_measures
+from obseq.images.output.arrays import BlockArrays, arrays_of, suspected_measures
+from obseq.images.output.block_record import BundleRecord
 from obseq.images.output.page_charts import cameras, frames
 from obseq.images.output.page_findings import findings
 from obseq.images.output.page_instruments import INSTRUMENTS
@@ -20,6 +21,7 @@ from obseq.report.head import (
     WORDS,
     Card,
     Head,
+    Level,
     Page,
     Place,
     Section,
@@ -36,16 +38,12 @@ from obseq.report.head import (
     to_check,
 )
 from obseq.report.page import document
+from obseq.report.result_columns import write_columns
+from obseq.report.result_file import write_json
 from obseq.report.said import name, small
 from obseq.report.summary import Outcome, listing
 from obseq.report.tables.units import METRIC, significant
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.images.output.arrays import BlockArrays
-    from obseq.images.output.block_record import BundleRecord
-    from obseq.report.head import Level
+from obseq.writing import Content
 
 
 def page(record: BundleRecord) -> str:
@@ -68,6 +66,16 @@ def outcome(record: BundleRecord) -> Outcome:
 def text(record: BundleRecord) -> str:
     """The listing of a block: every finding, fact and table."""
     return listing(outcome(record))
+
+
+def contents(record: BundleRecord) -> dict[str, Callable[[], Content]]:
+    """What makes the files of a block, by the names of the formats of results."""
+    return {
+        "json": lambda: partial(write_json, record=record),
+        "html": lambda: page(record),
+        "text": lambda: text(record),
+        "npz": lambda: partial(write_columns, record=record),
+    }
 
 
 def _head(record: BundleRecord, block: BlockArrays) -> Head:
@@ -160,8 +168,9 @@ def _cards(record: BundleRecord, block: BlockArrays) -> Iterator[Card]:
             f"{name(record.points[worst].name)}, its worst coordinate",
             Place(point=worst),
         )
-    tests = record.reliability and record.reliability.all
-    parts = (*tests.redundancy_x, *tests.redundancy_y) if tests else None
+    parts = None
+    if record.reliability is not None:
+        parts = [*record.measures.values("redundancy_x"), *record.measures.values("redundancy_y")]
     yield redundancy_card(record.redundancy, record.n_observations, parts, "measures")
 
 
@@ -187,23 +196,20 @@ def untested(record: BundleRecord) -> str:
 
 def _tests(record: BundleRecord, limit: float) -> Iterator[Card]:
     assert record.reliability is not None
-    tests = record.reliability.all
-    worst = [
-        max((abs(w) for w in pair if w is not None), default=0.0)
-        for pair in zip(tests.w_x, tests.w_y, strict=True)
-    ]
-    if worst:
+    w = np.column_stack([record.measures.numbers("w_x"), record.measures.numbers("w_y")])
+    worst = np.abs(np.nan_to_num(w)).max(axis=1)
+    if len(worst):
         row = int(np.argmax(worst))
         beyond = record.reliability.beyond
         tag = ("warn", f"{beyond} beyond") if beyond else ("ok", "none beyond")
-        columns = record.residuals
-        note = f"{record.images[columns.image[row]].name} \u00b7 {record.points[columns.point[row]].name}"
+        measure = record.measures[row]
+        note = f"{measure.image} \u00b7 {measure.point}"
         yield Card(
             "largest w",
             f"{worst[row]:.2f}",
             f"limit {limit:.2f}",
             tag,
-            strip(worst, limit),
+            strip(worst.tolist(), limit),
             name(note),
             Place("measures", row=row),
         )

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
-from obseq.images.output.arrays import frame_of, grid_of, interior
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray, IntArray
-    from obseq.images.output.arrays import BlockArrays
-    from obseq.images.output.block_record import BundleRecord, CameraRecord
-    from obseq.report.tables.units import Plain
+from obseq.arrays import BoolArray, IntArray
+from obseq.images.output.arrays import BlockArrays, frame_of, grid_of, interior
+from obseq.images.output.block_record import BundleRecord, CameraRecord
+from obseq.report.tables.units import Plain
 
 MOST_ARROWS = 400
 """Arrows of a frame that can be told apart; of more, the suspected and evenly spread ones."""

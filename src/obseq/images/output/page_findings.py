@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord
 from obseq.images.output.shares import LARGE
 from obseq.images.output.testing import POOR
 from obseq.printable import listed
+from obseq.records.diagnosis import AccusedRecord
 from obseq.report.findings import searched, shortened, suspected
-from obseq.report.head import Finding, Findings, Place, counted
+from obseq.report.head import Finding, Findings, Level, Place, counted
 from obseq.report.said import name, small
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.images.output.block_record import BlockLeftOutRecord, BundleRecord
-    from obseq.records.diagnosis import AccusedRecord
-    from obseq.report.head import Level
 
 PLACE = re.compile(r"\(([^()]+):\d+\)")
 """A line of a file that a text quotes."""

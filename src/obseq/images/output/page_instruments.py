@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
+from obseq.images.output.block_record import BundleRecord
 from obseq.printable import printable_line
 from obseq.report.tables.columns import choice, column, elements, field, table
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.images.output.block_record import BundleRecord
-    from obseq.report.tables.units import Plain
+from obseq.report.tables.units import Plain
 
 
 def _check_points(record: BundleRecord) -> Plain | None:
     found = record.check_points
-    if not found:
-        return None
     columns = [
         choice("point", [item.name for item in found]),
         field("rays", "count", found, "n_rays"),
@@ -31,8 +25,6 @@ def _check_points(record: BundleRecord) -> Plain | None:
 
 def _antennas(record: BundleRecord) -> Plain | None:
     found = record.antennas
-    if not found:
-        return None
     levers = [
         choice("antenna", [item.name for item in found]),
         *elements(("lever x", "y", "z"), "small_length", (item.lever_arm for item in found)),
@@ -49,8 +41,6 @@ def _positions(record: BundleRecord) -> Plain | None:
         for item in record.antennas
         for image, part in zip(item.images, item.residuals, strict=True)
     ]
-    if not rows:
-        return None
     residuals = [
         choice("antenna", [name for name, _, _ in rows]),
         choice("image", [image for _, image, _ in rows]),
@@ -61,8 +51,6 @@ def _positions(record: BundleRecord) -> Plain | None:
 
 def _shutters(record: BundleRecord) -> Plain | None:
     found = record.shutters
-    if not found:
-        return None
     columns = [
         choice("camera", [item.camera for item in found]),
         field(
@@ -101,8 +89,6 @@ def _rigid(record: BundleRecord) -> Plain | None:
 def _exposures(record: BundleRecord) -> Plain | None:
     """Residuals of the exposures of rigid blocks."""
     exposures = [(block, item) for block in record.rigid_blocks for item in block.exposures]
-    if not exposures:
-        return None
     second = [
         choice("block", [block.name for block, _ in exposures]),
         choice("cameras", [f"{item.first}, {item.second}" for _, item in exposures]),
@@ -116,8 +102,6 @@ def _exposures(record: BundleRecord) -> Plain | None:
 def _pairs(record: BundleRecord) -> Plain | None:
     """How far the cameras of rigid blocks are from their places, over all exposures."""
     pairs = [(block.name, pair) for block in record.rigid_blocks for pair in block.pairs]
-    if not pairs:
-        return None
     columns = [
         choice("block", [name for name, _ in pairs]),
         choice("cameras", [f"{pair.first}, {pair.second}" for _, pair in pairs]),
@@ -129,8 +113,6 @@ def _pairs(record: BundleRecord) -> Plain | None:
 
 def _clinometers(record: BundleRecord) -> Plain | None:
     found = record.clinometers
-    if not found:
-        return None
     columns = [
         choice("clinometer", [item.name for item in found]),
         *elements(("axis x", "axis y", "axis z"), "fine", (item.axis for item in found)),
@@ -148,8 +130,6 @@ def _readings(record: BundleRecord) -> Plain | None:
         for item in record.clinometers
         for image, value in zip(item.images, item.residuals, strict=True)
     ]
-    if not readings:
-        return None
     read = [
         choice("clinometer", [name for name, _, _ in readings]),
         choice("image", [image for _, image, _ in readings]),

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection
 
+from obseq.images.output.arrays import arrays_of
+from obseq.images.output.block_record import BundleRecord
 from obseq.images.output.page_instruments import INSTRUMENT_TABLES
 from obseq.printable import listed, printable_line
 from obseq.report.head import printed
-from obseq.report.tables.columns import choice, column, elements, field, table
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
-
-    from obseq.images.output.block_record import BundleRecord
-    from obseq.report.tables.units import Plain
+from obseq.report.tables.columns import choice, column, elements, field, filled, table
+from obseq.report.tables.units import Plain
 
 MOST_NAMES = 4
 """Names of what took no part, by kind and reason."""
@@ -21,41 +18,40 @@ MOST_NAMES = 4
 
 def tables(record: BundleRecord, names: Collection[str] = ()) -> list[Plain]:
     """Image points, points, images, parameters of cameras, instruments; or the tables of some names."""
-    made = (of(record) for name, of in TABLES.items() if not names or name in names)
-    return [item for item in made if item]
+    return filled(of(record) for name, of in TABLES.items() if not names or name in names)
 
 
 def names_of(record: BundleRecord) -> list[str]:
     """Names of points and images, by the numbers that tables hold."""
-    return printed([*(point.name for point in record.points), *(image.name for image in record.images)])
+    return printed([*record.points.values("name"), *(image.name for image in record.images)])
 
 
 def _measures(record: BundleRecord) -> Plain | None:
-    found, tests = record.residuals, record.reliability
-    if not found.image:
+    found, tests = record.measures, record.reliability
+    if not found:
         return None
-    names = [image.name for image in record.images]
+    places, names = arrays_of(record), [image.name for image in record.images]
+    of = found.values
     columns = [
-        column("image", "point", (len(record.points) + k for k in found.image), key="from"),
-        column("point", "point", found.point, key="to"),
-        column("x", "coarse_pixel", found.x, paper=False),
-        column("y", "coarse_pixel", found.y, paper=False),
-        column("dx", "pixel", found.dx, by_size=True),
-        column("dy", "pixel", found.dy, by_size=True),
+        column("image", "point", (len(record.points) + places.image).tolist(), key="from"),
+        column("point", "point", places.point.tolist(), key="to"),
+        column("x", "coarse_pixel", of("x"), paper=False),
+        column("y", "coarse_pixel", of("y"), paper=False),
+        column("dx", "pixel", of("dx"), by_size=True),
+        column("dy", "pixel", of("dy"), by_size=True),
     ]
     if tests is not None:
-        every, limit = tests.all, tests.critical
-        w, shares = map(_larger, every.w_x, every.w_y), map(min, every.redundancy_x, every.redundancy_y)
-        least = map(_larger, every.detectable_x, every.detectable_y)
+        limit, shares = tests.critical, map(min, of("redundancy_x"), of("redundancy_y"))
+        w, least = (map(_larger, of(f"{name}_x"), of(f"{name}_y")) for name in ("w", "detectable"))
         larger, smaller = "the larger of its two coordinates", "the smaller of its two coordinates"
         columns += [
             column("w", "number", w, by_size=True, bar="w", about=larger, limit=limit),
             column("redundancy", "number", shares, bar="redundancy", about=smaller),
             column("detectable", "pixel", least, about="smallest error that its test finds"),
         ]
-    columns += [column(f"s{axis}", "pixel", getattr(found, f"s{axis}"), rare=True) for axis in "xy"]
-    if any(weight != 1.0 for weight in found.weight):
-        columns.append(column("weight", "number", found.weight, about="what robust weights leave"))
+    columns += [column(f"s{axis}", "pixel", of(f"s{axis}"), rare=True) for axis in "xy"]
+    if (places.weights != 1.0).any():
+        columns.append(column("weight", "number", of("weight"), about="what robust weights leave"))
     about = "Residuals are computed minus measured, in pixels."
     chips = [] if tests is None else [[f"|w| > {tests.critical:.2f}", f"|w|>{tests.critical:.2f}"]]
     return table(
@@ -82,8 +78,6 @@ def _length(record: BundleRecord) -> dict[str, str]:
 
 def _points(record: BundleRecord) -> Plain | None:
     found, unit = record.points, _length(record)
-    if not found:
-        return None
     spread = [
         None if point.covariance is None else [point.covariance[k] ** 0.5 for k in (0, 3, 5)]
         for point in found
@@ -127,7 +121,7 @@ def _images(record: BundleRecord) -> Plain | None:
         *elements(angles, "angle", (image.opk for image in found), rare=True),
         *elements(spreads, "small_angle", (image.opk_sigmas for image in found), rare=True),
     ]
-    return table("images", "Images", columns, order="rms", hint="rms>0.5") if found else None
+    return table("images", "Images", columns, order="rms", hint="rms>0.5")
 
 
 def _parameters(record: BundleRecord) -> Plain:
@@ -150,8 +144,6 @@ def _parameters(record: BundleRecord) -> Plain:
 def _tests(record: BundleRecord) -> Plain | None:
     """The largest tests of all kinds of observation."""
     found = () if record.reliability is None else record.reliability.largest.largest
-    if not found:
-        return None
     columns = [
         column("observation", "text", [printable_line(item.name) for item in found]),
         field("w", "number", found, "w", by_size=True, bar="w"),
@@ -173,8 +165,6 @@ def _without(record: BundleRecord) -> Plain | None:
     for what, items in parts.items():
         for item in items:
             groups.setdefault((what, item.kind, item.reason), []).append(item.name)
-    if not groups:
-        return None
     rows = sorted(groups.items(), key=lambda group: -len(group[1]))
     columns = [
         choice("what", [what for (what, _, _), _ in rows]),

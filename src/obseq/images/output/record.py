@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.boundary import Boundary
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.adjustment.start import LeftOut
+from obseq.images.camera import Camera
 from obseq.images.causes.comparison import has_robust_weights
 from obseq.images.output.arrays import grid_of
 from obseq.images.output.block_record import (
@@ -16,24 +20,18 @@ from obseq.images.output.block_record import (
     CameraRecord,
     ImagePointRecord,
     ImageRecord,
+    MeasureRecord,
     ParameterRecord,
-    ResidualColumns,
 )
 from obseq.images.output.instruments import clinometer_records, rigid_records
 from obseq.images.output.references import antenna_records, check_records, shutter_records
-from obseq.images.output.testing import reliability_record
+from obseq.images.output.testing import BlockReliabilityRecord, reliability_of
 from obseq.records.adjustment import IterationRecord, new_run
+from obseq.records.columns import Column, Texts, texts_of
+from obseq.records.diagnosis import DiagnosisRecord
+from obseq.records.quality import GlobalTestRecord
+from obseq.records.rows import Rows
 from obseq.survey.adjustment.adjusted_records import global_test_record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.adjustment.start import LeftOut
-    from obseq.images.camera import Camera
-    from obseq.records.diagnosis import DiagnosisRecord
-    from obseq.records.quality import GlobalTestRecord
 
 
 def record_of(
@@ -53,10 +51,11 @@ def record_of(
     result, boundary = solution.result, Boundary()
     precisions = precisions and result.weak is None
     far = solution.is_far if precisions else np.zeros(len(solution.points), dtype=bool)
-    reliability = None
+    reliability: BlockReliabilityRecord | None = None
+    tests: dict[str, Column] = {}
     if precisions and result.redundancy:
-        reliability = boundary.attempt(
-            "the tests of image points", lambda: reliability_record(solution), None
+        reliability, tests = boundary.attempt(
+            "the tests of image points", lambda: reliability_of(solution), (reliability, tests)
         )
     return BundleRecord(
         result.n_observations + result.n_constraints,
@@ -70,13 +69,13 @@ def record_of(
         dict(result.squares),
         tuple(_cameras(solution, precisions)),
         tuple(_images(solution, precisions)),
-        tuple(_points(solution, precisions)),
+        _points(solution, precisions),
         _left_out(solution.left_out),
         _left_out(solution.unpaired),
         tuple(solution.block.notes),
         tuple(_image_points(solution, np.flatnonzero(solution.is_behind & ~far[solution.residuals.point]))),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
-        _residuals(solution),
+        _measures(solution, tests),
         reliability,
         tuple(rigid_records(solution, precisions)),
         tuple(clinometer_records(solution)),
@@ -170,36 +169,41 @@ def _finite(row: FloatArray) -> tuple[float | None, ...]:
     return tuple(float(value) if np.isfinite(value) else None for value in row)
 
 
-def _points(solution: BundleSolution, precisions: bool) -> Iterator[BlockPointRecord]:
+def _points(solution: BundleSolution, precisions: bool) -> Rows[BlockPointRecord]:
     fits, start = solution.by_point(), solution.start
     control = start.is_control & ~start.is_free.all(axis=1)
     checks = set(solution.block.check_points.names)
     shifts = solution.coordinates - start.coordinates
-    upper = np.triu_indices(3)
-    covariances: list[tuple[float, ...] | None] = [None] * len(solution.points)
+    kinds = [
+        "control" if given else "check" if name in checks else "tie"
+        for given, name in zip(control, solution.points, strict=True)
+    ]
+    columns: dict[str, Column] = {
+        "name": Texts(np.arange(len(kinds), dtype=np.int32), solution.points),
+        "kind": texts_of(kinds),
+        **dict(zip("xyz", solution.coordinates.T, strict=True)),
+        "n_rays": fits.counts.astype(np.int64),
+        "rms": fits.rms,
+        "residual": np.where(control[:, None], shifts, np.nan),
+        "residual.there": control,
+    }
     if precisions:
-        rows = solution.point_covariances[:, upper[0], upper[1]].tolist()
-        covariances = [tuple(row) for row in rows]
-    for k, name in enumerate(solution.points):
-        x, y, z = solution.coordinates[k].tolist()
-        yield BlockPointRecord(
-            name,
-            "control" if control[k] else "check" if name in checks else "tie",
-            x,
-            y,
-            z,
-            covariances[k],
-            int(fits.counts[k]),
-            float(fits.rms[k]),
-            tuple(shifts[k].tolist()) if control[k] else None,
-        )
+        upper = np.triu_indices(3)
+        covariances = solution.point_covariances[:, upper[0], upper[1]]
+        columns |= {"covariance": covariances, "covariance.there": np.ones(len(kinds), np.int8)}
+    return Rows.of(BlockPointRecord, columns, len(kinds))
 
 
-def _residuals(solution: BundleSolution) -> ResidualColumns:
+def _measures(solution: BundleSolution, tests: dict[str, Column]) -> Rows[MeasureRecord]:
     found = solution.residuals
-    columns = np.hstack([found.xy, found.residuals, found.sigmas, found.weights[:, None]])
-    numbers = (tuple(column) for column in columns.T.tolist())
-    return ResidualColumns(tuple(found.image.tolist()), tuple(found.point.tolist()), *numbers)
+    pairs = {"": found.xy, "d": found.residuals, "s": found.sigmas}
+    columns: dict[str, Column] = {
+        "image": Texts(found.image.astype(np.int32), solution.poses.images),
+        "point": Texts(found.point.astype(np.int32), solution.points),
+        **{of + axis: values[:, k] for of, values in pairs.items() for k, axis in enumerate("xy")},
+        "weight": found.weights,
+    }
+    return Rows.of(MeasureRecord, columns | tests, len(found.image))
 
 
 def _image_points(solution: BundleSolution, rows: IntArray) -> Iterator[ImagePointRecord]:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.special import chdtri
 
+from obseq.arrays import BoolArray
+from obseq.images.adjustment.referenced import CheckResiduals
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray
-    from obseq.images.adjustment.referenced import CheckResiduals
-    from obseq.images.adjustment.solution import BundleSolution
 
 FAMILY = 0.001
 """Chance that right check points, all together, show one that is off."""

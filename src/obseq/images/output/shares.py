@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
+from obseq.images.output.testing import BlockReliabilityRecord
+from obseq.records.columns import Texts
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.output.testing import BlockReliabilityRecord
+from obseq.records.rows import AnyRows
 
 LARGE = 0.5
 """Share of the coordinates from which it is large."""
@@ -43,51 +41,31 @@ class RejectedShare(Record, frozen=True):
         return f"{self.name} ({self.rejected} of {self.tested})"
 
 
-class Owners(NamedTuple):
-    """What measures belong to: images or points.
-
-    Attributes:
-        kind: `image` or `point`.
-        names: of all of them.
-        of: (n,) the one of each measure, a position in `names`.
-    """
-
-    kind: str
-    names: Sequence[str]
-    of: Sequence[int]
-
-
-def rejected_shares(
-    tests: BlockReliabilityRecord, weights: Sequence[float], *owners: Owners
-) -> tuple[RejectedShare, ...]:
-    """Large shares: that of the block by the given sigmas; else of images and points, by the usual spread.
-
-    Args:
-        tests: of the image points of a block.
-        weights: (n,) what robust weights left of them.
-        owners: their images, their points.
-    """
-    w = np.abs(np.array([tests.all.w_x, tests.all.w_y], dtype=np.float64)).T
+def rejected_shares(tests: BlockReliabilityRecord, measures: AnyRows) -> tuple[RejectedShare, ...]:
+    """Large shares: that of the block by the given sigmas; else of images and points, by the usual spread."""
+    w = np.abs(np.column_stack([measures.numbers("w_x"), measures.numbers("w_y")]))
     is_robust, spread = tests.largest.robust, max(tests.largest.spread, 1.0)
     counts, sizes = np.isfinite(w), np.nan_to_num(w)
-    weak = np.broadcast_to((np.array(weights) < WEAK)[:, None], w.shape)
+    weak = np.broadcast_to((measures.numbers("weight") < WEAK)[:, None], w.shape)
     n, n_rejected = int(counts.sum()), int((weak & counts if is_robust else sizes > tests.critical).sum())
     if n and n_rejected >= LARGE * n:
         return (RejectedShare("block", "the block", n_rejected, n),)
     rejected = weak if is_robust else sizes > tests.critical * spread
-    return tuple(share for part in owners for share in _large(part, counts, rejected & counts))
+    return tuple(
+        share for kind in LEAST for share in _large(kind, measures.texts(kind), counts, rejected & counts)
+    )
 
 
-def _large(owners: Owners, counts: BoolArray, rejected: BoolArray) -> Iterator[RejectedShare]:
-    """The large shares among those of one kind, the largest first."""
+def _large(kind: str, owners: Texts, counts: BoolArray, rejected: BoolArray) -> Iterator[RejectedShare]:
+    """The large shares among those of one kind, the largest first; an owner for each measure."""
     tested, beyond = (_sums(owners, marks) for marks in (counts, rejected))
     share = beyond / np.maximum(tested, 1)
-    rows = np.flatnonzero((tested >= LEAST[owners.kind]) & (share >= LARGE))
+    rows = np.flatnonzero((tested >= LEAST[kind]) & (share >= LARGE))
     for row in rows[np.argsort(-share[rows], kind="stable")].tolist():
-        name = f"{owners.kind} {owners.names[row]}"
-        yield RejectedShare(owners.kind, name, int(beyond[row]), int(tested[row]))
+        name = f"{kind} {owners.names[row]}"
+        yield RejectedShare(kind, name, int(beyond[row]), int(tested[row]))
 
 
-def _sums(owners: Owners, marks: BoolArray) -> FloatArray:
-    found = np.bincount(np.array(owners.of, dtype=np.int64), marks.sum(axis=1), len(owners.names))
+def _sums(owners: Texts, marks: BoolArray) -> FloatArray:
+    found = np.bincount(owners.codes, marks.sum(axis=1), len(owners.names))
     return np.asarray(found, dtype=np.float64)

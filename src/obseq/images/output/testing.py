@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.diagnosing.largest_tests import LargestTestsRecord, largest_tests
+from obseq.records.columns import Column
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.images.adjustment.solution import BundleSolution
 
 POOR = 0.1
 """Redundancy number below which the others hardly control a measure."""
-
-
-class TestColumns(Record, frozen=True):
-    """The tests of all image points, in the rows of the residuals of the record.
-
-    Attributes:
-        redundancy_x: redundancy numbers of columns; `redundancy_y` of lines.
-        w_x: standardised residuals of columns, None where nothing controls them; `w_y` of lines.
-        detectable_x: smallest blunders that the test finds, pixels, None the same; `detectable_y` of lines.
-    """
-
-    redundancy_x: tuple[float, ...]
-    redundancy_y: tuple[float, ...]
-    w_x: tuple[float | None, ...]
-    w_y: tuple[float | None, ...]
-    detectable_x: tuple[float | None, ...]
-    detectable_y: tuple[float | None, ...]
 
 
 class BlockReliabilityRecord(Record, frozen=True):
@@ -46,7 +24,6 @@ class BlockReliabilityRecord(Record, frozen=True):
         beyond: of these, those beyond the limit.
         poor: coordinates with a redundancy number below a tenth.
         uncontrolled: coordinates that nothing controls.
-        all: the tests of all of them.
         largest: the largest tests of the equations of all kinds.
     """
 
@@ -58,15 +35,20 @@ class BlockReliabilityRecord(Record, frozen=True):
     beyond: int
     poor: int
     uncontrolled: int
-    all: TestColumns
     largest: LargestTestsRecord
 
 
-def reliability_record(solution: BundleSolution) -> BlockReliabilityRecord:
-    """The reliability of a solution with covariances."""
+def reliability_of(solution: BundleSolution) -> tuple[BlockReliabilityRecord, dict[str, Column]]:
+    """The reliability of a solution with covariances, and the columns of the tests of its image points."""
     found = solution.reliability()
     whole, tested = found.whole, np.isfinite(found.w)
-    return BlockReliabilityRecord(
+    tests = {"w": found.w, "redundancy": found.redundancy, "detectable": found.detectable}
+    columns: dict[str, Column] = {
+        f"{name}_{axis}": np.where(np.isfinite(of), of, np.nan)
+        for name, values in tests.items()
+        for axis, of in zip("xy", values.T, strict=True)
+    }
+    record = BlockReliabilityRecord(
         whole.level,
         whole.power,
         whole.w_critical,
@@ -75,13 +57,6 @@ def reliability_record(solution: BundleSolution) -> BlockReliabilityRecord:
         int(np.count_nonzero(np.abs(found.w[tested]) > whole.w_critical)),
         int(np.count_nonzero(found.redundancy < POOR)),
         int(np.count_nonzero(~tested)),
-        TestColumns(
-            *map(tuple, found.redundancy.T.tolist()),
-            *(_defined(column) for column in (*found.w.T, *found.detectable.T)),
-        ),
         largest_tests(solution, whole),
     )
-
-
-def _defined(values: FloatArray) -> tuple[float | None, ...]:
-    return tuple(value if math.isfinite(value) else None for value in values.tolist())
+    return record, columns

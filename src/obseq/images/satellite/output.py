@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
 from obseq.errors import InputError
-from obseq.images.aerial.rpc import rpc_through
-from obseq.images.satellite.block import GEOGRAPHIC
+from obseq.images.aerial.rpc import Rpc, rpc_through
+from obseq.images.satellite.block import GEOGRAPHIC, SatelliteSolution
 from obseq.kernels import calculator
 from obseq.reading.tables import table_text
-from obseq.report.tables.columns import choice, column, table
+from obseq.report.tables.columns import Table, choice, column, table
 from obseq.report.tables.units import METRIC
 from obseq.report.writer import Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.images.aerial.rpc import Rpc
-    from obseq.images.satellite.block import SatelliteSolution
-    from obseq.report.tables.columns import Table
 
 LAYERS, CELLS = 5, 15
 """Heights, and cells of the ground a side, of the grid on which a corrected image is fitted."""

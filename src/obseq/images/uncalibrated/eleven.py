@@ -7,27 +7,23 @@ distortion is then found by least squares on the colinearity equations, one came
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import rq
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera, median_camera
+from obseq.images.control import ControlPoints
 from obseq.images.initial.distribution import spread_indices
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.control import ControlPoints
-    from obseq.images.measures import ImagePoints
 
 LEAST_POINTS = 6
 FLAT = 0.01

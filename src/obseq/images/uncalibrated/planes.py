@@ -13,23 +13,19 @@ f.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion, closest_rotation
 from obseq.images.bundle import BundleAdjustment
 from obseq.images.camera import Camera
+from obseq.images.control import ControlPoints
 from obseq.images.initial.distribution import check_spread, spread_indices
+from obseq.images.measures import ImagePoints
 from obseq.images.names import index_of
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.images.control import ControlPoints
-    from obseq.images.measures import ImagePoints
 
 LEAST_POINTS = 4
 FLAT = 0.02

@@ -6,19 +6,14 @@ of them meets all: nine unknowns side by side are multiplied at once, and one pl
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import IndexArray, IntArray, IntRows, PositionArray
 from obseq.dataclass import dataclass
-from obseq.leastsquares.loops.loop_arguments import Bodies
+from obseq.leastsquares.assembly.schur import Met
+from obseq.leastsquares.loops.loop_arguments import Bodies, Groups
 from obseq.leastsquares.loops.sorting import as_indices, distinct_pairs, sorted_by
-
-if TYPE_CHECKING:
-    from obseq.arrays import IndexArray, IntArray, IntRows, PositionArray
-    from obseq.leastsquares.assembly.schur import Met
-    from obseq.leastsquares.loops.loop_arguments import Groups
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 @dataclass(frozen=True)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntRows
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.numbering import FreeUnknowns
+from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.solvers import SymmetricPattern
 from obseq.leastsquares.sparse import Sparse
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray, FloatArray, IntRows
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.solvers import SymmetricPattern
-
 
 FEW = 20_000
 """Entries of a matrix up to which it is multiplied as a dense one: sparse products take longer to begin."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray, IntRows
 from obseq.leastsquares.assembly.pattern import ranks
-from obseq.leastsquares.assembly.store import aligned_zeros, part_width
+from obseq.leastsquares.assembly.store import StoreLayout, aligned_zeros, part_width
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads
 from obseq.leastsquares.diagnosis.singular import eliminated_error
 from obseq.leastsquares.loops.loop_arguments import EliminationRoom
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray, IntRows
-    from obseq.leastsquares.assembly.store import StoreLayout
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 class Elimination:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.leastsquares.assembly.at_once import (
     batch_members,
     evaluate_at_once,
@@ -14,18 +15,12 @@ from obseq.leastsquares.assembly.at_once import (
     present_values,
 )
 from obseq.leastsquares.assembly.threads import in_threads, share_bounds, share_count
-from obseq.leastsquares.loops.loop_arguments import BatchArrays, Span
+from obseq.leastsquares.loops.loop_arguments import BatchArrays, BatchMembers, Present, Span
+from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.padding import padded_length
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.leastsquares.loops.loop_arguments import BatchMembers, Present
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.problem.shapes import Shape
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.problem.shapes import Shape
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 def batch_arrays(batch: Batch) -> BatchArrays:

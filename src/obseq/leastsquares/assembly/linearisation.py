@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
 
 
 @dataclass(frozen=True)

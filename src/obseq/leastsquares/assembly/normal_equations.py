@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.cached import cached_property
 from obseq.errors import DivergenceError
 from obseq.leastsquares.assembly.at_once import BatchesAtOnce, is_short, present_values
@@ -26,20 +28,13 @@ from obseq.leastsquares.assembly.evaluation import (
 from obseq.leastsquares.assembly.linearisation import Linearisation, SolvedLinearisation
 from obseq.leastsquares.assembly.prior_rows import PriorRows
 from obseq.leastsquares.assembly.small_system import MOST_UNKNOWNS, SmallSystem
-from obseq.leastsquares.assembly.store import aligned_zeros, store_layout
+from obseq.leastsquares.assembly.store import StoreLayout, aligned_zeros, store_layout
 from obseq.leastsquares.assembly.threads import column_bounds, in_threads, share_out
-from obseq.leastsquares.loops.loop_arguments import Span
+from obseq.leastsquares.loops.loop_arguments import BlockTable, Span
 from obseq.leastsquares.problem.arguments import are_finite
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.leastsquares.assembly.store import StoreLayout
-    from obseq.leastsquares.loops.loop_arguments import BlockTable
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior, Viscosity
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior, Viscosity
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 class _Whole(NamedTuple):

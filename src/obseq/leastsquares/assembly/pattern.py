@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, IndexArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.leastsquares.assembly.clusters import cluster_pairs
 from obseq.leastsquares.loops.sorting import as_indices, distinct_pairs
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.numbering import FreeUnknowns
 from obseq.leastsquares.solvers import SymmetricPattern
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, IndexArray, IntArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.leastsquares.loops.loop_arguments import PriorArrays
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
-    from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.problem.numbering import FreeUnknowns
+from obseq.leastsquares.problem.priors import Prior
 
 
 class PriorRows:

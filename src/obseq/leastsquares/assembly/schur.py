@@ -11,21 +11,16 @@ for the other unknowns k, group by group, so that only these enter the matrix th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, IndexArray, IntArray, PositionRows
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.graphs import parts
+from obseq.leastsquares.assembly.pattern import BlockPairs
 from obseq.leastsquares.loops.loop_arguments import Groups
 from obseq.leastsquares.loops.sorting import distinct_pairs, sorted_by
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, IndexArray, IntArray, PositionRows
-    from obseq.leastsquares.assembly.pattern import BlockPairs
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 LARGEST = 1000
 """Unknowns of one group: beyond, a dense elimination takes longer than the sparse matrix would."""

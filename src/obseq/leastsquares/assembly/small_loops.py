@@ -5,8 +5,9 @@ Python calls them as its own builtins: a usual call takes longer than their work
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionRows
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.accumulation import assemble, evaluate
 from obseq.leastsquares.loops.blocks_to_matrix import add_diagonal_blocks, add_pairs, add_priors
@@ -20,9 +21,6 @@ from obseq.leastsquares.loops.loop_arguments import (
     UnknownPlaces,
 )
 from obseq.leastsquares.solvers.dense_loops import factor_columns, solve_columns
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionRows
 
 
 class TableMembers(NamedTuple):

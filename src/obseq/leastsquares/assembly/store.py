@@ -12,41 +12,33 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import (
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    IndexRows,
+    IntArray,
+    IntRows,
+    PositionArray,
+)
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES, STRIDE
-from obseq.leastsquares.assembly.bodies import fill_of
-from obseq.leastsquares.assembly.pattern import block_pairs, matrix_pattern, role_pairs
+from obseq.leastsquares.assembly.bodies import Fill, fill_of
+from obseq.leastsquares.assembly.pattern import BlockPairs, block_pairs, matrix_pattern, role_pairs
 from obseq.leastsquares.assembly.schur import elimination_groups, is_turned
-from obseq.leastsquares.loops.loop_arguments import BlockTable, UnknownPlaces
+from obseq.leastsquares.loops.loop_arguments import BlockTable, Groups, UnknownPlaces
 from obseq.leastsquares.loops.sorting import as_indices, sorted_by
-from obseq.leastsquares.problem.numbering import free_unknowns
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import (
-        BoolArray,
-        FloatArray,
-        IndexArray,
-        IndexRows,
-        IntArray,
-        IntRows,
-        PositionArray,
-    )
-    from obseq.leastsquares.assembly.bodies import Fill
-    from obseq.leastsquares.assembly.pattern import BlockPairs
-    from obseq.leastsquares.loops.loop_arguments import Groups
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.solvers import SymmetricPattern
-
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.numbering import FreeUnknowns, free_unknowns
+from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.solvers import SymmetricPattern
 
 STORED_HEIGHT = 5
 """Height of the first column of a pair of threes in a block of its own: its columns start at 0, 4 and 7."""

@@ -10,24 +10,19 @@ copies of a share are at most one more store.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
+from obseq.arrays import ByteArray, IntArray, IntRows, PositionArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
-from obseq.leastsquares.loops.loop_arguments import Span
+from obseq.leastsquares.assembly.store import StoreLayout
+from obseq.leastsquares.loops.loop_arguments import BlockTable, Span
 from obseq.leastsquares.problem.arguments import whole
 from obseq.pools import thread_pool
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.arrays import ByteArray, IntArray, IntRows, PositionArray
-    from obseq.leastsquares.assembly.store import StoreLayout
-    from obseq.leastsquares.loops.loop_arguments import BlockTable
-
 
 Result = TypeVar("Result")
 

@@ -182,6 +182,7 @@ class Run:
                 after[one].append(k)
         ready = [k for k, count in enumerate(blockers) if not count]
         running: dict[Future[Value], int] = {}
+        self._workers.renew()
         try:
             while ready or running:
                 while ready and len(running) < self._workers.at_once:
@@ -193,7 +194,7 @@ class Run:
                     self._workers.check()
                 for future in ended:
                     k = running.pop(future)
-                    take(k, future.result())
+                    take(k, self._workers.result(future))
                     for following in after[k]:
                         blockers[following] -= 1
                         if not blockers[following]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 PATIENCE = 60.0
-"""Seconds without a task that ends, after which it is looked whether there are workers at all."""
+"""Seconds without a task that ends, after which workers are looked for."""
+STARTING = 300.0
+"""Seconds for one to come back: on a busy machine it takes minutes to start."""
+_AGAIN = "start others, and take up what was done (--work, --resume)"
 
 
 class Workers:
@@ -35,16 +38,19 @@ class Workers:
     def __init__(self, client: Value, memory: int | None) -> None:
         self._ends: list[Value] = []
         self._client: Value = None
+        self._cluster: Value = None
         if isinstance(client, int) and not isinstance(client, bool):
             client = self._started(client, memory)
         elif isinstance(client, str):
             client = self._own(_dask().Client(client))
         self.count, self._executor = 0, None
+        if type(client).__module__.startswith("distributed.cfexecutor"):
+            raise InputError("blocks: give the Dask client in place of its executor, which waits for ever")
         if isinstance(client, Executor):
             self.count, self._executor = int(getattr(client, "_max_workers", 1)), client
         elif hasattr(client, "get_executor"):
             self._client = client
-            self.count = max(1, self._present())
+            self.count = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
             self._executor = client.get_executor(pure=False)
         elif client is not None:
             raise InputError(f"blocks: a Dask client, its address or an executor is wanted, not {client!r}")
@@ -62,19 +68,44 @@ class Workers:
         done.set_result(function(*arguments))
         return done
 
+    def renew(self) -> None:
+        """Starts workers in the places of those of this machine that were lost.
+
+        Dask does it too, but gives up one that is not back after 15 s, for good.
+        """
+        if self._cluster is not None:
+            self._cluster.scale(self.count)
+
     def check(self) -> None:
         """Looks whether there are workers, where nothing ends any more.
 
         Raises:
-            InputError: there is none.
+            InputError: there is none, and none comes.
         """
-        if self._client is not None and not self._present():
-            raise InputError(
-                "blocks: no worker is left; start others, and take up what was done (--work, --resume)"
-            )
+        self.renew()
+        if self._client is None:
+            return
+        try:
+            self._client.wait_for_workers(1, STARTING)
+        except TimeoutError:
+            raise InputError(f"blocks: no worker is left; {_AGAIN}") from None
 
-    def _present(self) -> int:
-        return len(self._client.scheduler_info(n_workers=-1)["workers"])
+    def result(self, ended: Future[Value]) -> Value:
+        """What a task gave.
+
+        Raises:
+            InputError: it was lost, with its pool or its scheduler, or with one worker after the other.
+        """
+        lost: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
+        if self._client is not None:
+            lost = (*lost, _dask().KilledWorker)
+        try:
+            return ended.result()
+        except lost as error:
+            raise InputError(
+                f"blocks: a part was lost with who treated it ({type(error).__name__}), as where memory "
+                f"does not suffice: give them more, or make parts smaller (--memory); {_AGAIN}"
+            ) from error
 
     def close(self) -> None:
         """Ends the workers that were started."""
@@ -87,10 +118,12 @@ class Workers:
 
     def _started(self, count: int, memory: int | None) -> Value:
         dask = _dask()
-        cluster = dask.LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=memory or 0
+        self._cluster = self._own(
+            dask.LocalCluster(
+                n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=memory or 0
+            )
         )
-        client = self._own(dask.Client(self._own(cluster)))
+        client = self._own(dask.Client(self._cluster))
         client.wait_for_workers(count)
         return client
 

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-from obseq.leastsquares.diagnosis.null_space import AXES, common_similarities, parts, similarities
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.diagnosis.null_space import Part
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.solvers import SymmetricPattern
+from obseq.leastsquares.diagnosis.null_space import AXES, Part, common_similarities, parts, similarities
+from obseq.leastsquares.problem.numbering import FreeUnknowns
+from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.solvers import SymmetricPattern
 
 ALIKE = 1e-3
 """Sine of the angle below which a motion is a similarity: verticals that are not quite parallel bend it."""

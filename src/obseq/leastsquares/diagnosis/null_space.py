@@ -7,19 +7,15 @@ similarities of the plane or of space. What is a translation, a rotation or a ch
 from __future__ import annotations
 
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import graphs
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.solvers import SymmetricPattern
-
+from obseq.leastsquares.problem.numbering import FreeUnknowns
+from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.solvers import SymmetricPattern
 
 TAKES_PART = 1e-3
 """Share of the largest entry of the kernel from which an unknown is said to take part in it."""

@@ -5,19 +5,15 @@ Without observations unknowns are undetermined, or keep the values of their prio
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, IntArray
 from obseq.errors import DivergenceError, SingularSystemError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import BoolArray, IntArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 MOST = 0.5
 """Share of the observations of what is undetermined, from which their loss is to blame."""

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import UNRESOLVED, SingularSystemError
 from obseq.leastsquares.diagnosis.null_space import TAKES_PART, free_movements
+from obseq.leastsquares.problem.numbering import FreeUnknowns
+from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.solvers import Solver, SymmetricPattern
 from obseq.leastsquares.solvers.base import NUMBERS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.solvers import Solver, SymmetricPattern
-
 
 SHOWN = 12
 """Names given in a message; the error's `unknowns` has them all."""

@@ -9,23 +9,19 @@ when it says nothing any more: to the statistician, or to the computer.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.problem.unknowns import UnknownTable
 from obseq.leastsquares.solution.result import StopReason
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.problem.unknowns import UnknownTable
 
 EPS = float(np.finfo(np.float64).eps)
 

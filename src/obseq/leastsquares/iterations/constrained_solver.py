@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import SingularMatrixError
-from obseq.leastsquares.solvers import Defect, InverseParts, SymmetricPattern, choose_solver
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.iterations.constraints import Substitution
-    from obseq.leastsquares.solvers import Solver, SolverStatistics
+from obseq.leastsquares.iterations.constraints import Substitution
+from obseq.leastsquares.solvers import (
+    Defect,
+    InverseParts,
+    Solver,
+    SolverStatistics,
+    SymmetricPattern,
+    choose_solver,
+)
 
 
 class ConstrainedSolver:

@@ -8,17 +8,15 @@ algorithm, 1981: their update and their sizing; of S the largest components are 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.linearisation import Linearisation
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
+from obseq.arrays import FloatArray
+from obseq.leastsquares.assembly.linearisation import Linearisation
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 
 COMPONENTS = 6
 """Most components of S that are kept."""

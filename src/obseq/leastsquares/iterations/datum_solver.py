@@ -21,24 +21,18 @@ small matrix I - V' Z has what N says of them: half of its digits. The rows of t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, SingularMatrixError
-from obseq.leastsquares.solvers import InverseParts
+from obseq.leastsquares.solvers import Defect, InverseParts, Solver, SolverStatistics, SymmetricPattern
 from obseq.leastsquares.solvers.rank import LARGEST_EXAMINED, leading_rows, replacement_pivots
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.solvers import Defect, Solver, SolverStatistics, SymmetricPattern
-
 
 Seen: TypeAlias = "Callable[[FloatArray], FloatArray]"
 """Directions (n, k) -> (m, k) what the equations see of them, over sigmas."""

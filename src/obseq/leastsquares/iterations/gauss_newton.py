@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
 from dataclasses import field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import DivergenceError, SingularSystemError
+from obseq.leastsquares.assembly.linearisation import Linearisation
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.diagnosis.singular import SHOWN
-from obseq.leastsquares.iterations.arrival import CONTRACTION, Arrival
+from obseq.leastsquares.iterations.arrival import CONTRACTION, Arrival, Options
+from obseq.leastsquares.problem.unknowns import State
 from obseq.leastsquares.solution.result import Iteration, StopReason
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.linearisation import Linearisation
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.iterations.arrival import Options
-    from obseq.leastsquares.problem.unknowns import State
 
 Direction: TypeAlias = "Callable[[Linearisation], tuple[FloatArray, float]]"
 """Linearisation -> step of all unknowns (n_scalars,), and its length sqrt(dx' N dx)."""

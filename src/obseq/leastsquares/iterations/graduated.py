@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.losses import Loss
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.losses import Loss
 
 
 def graduated(

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import DivergenceError, SingularMatrixError
+from obseq.leastsquares.assembly.linearisation import Linearisation
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.diagnosis.singular import singular_error
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.linearisation import Linearisation
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.solvers import Solver
+from obseq.leastsquares.solvers import Solver
 
 
 @dataclass(frozen=True)

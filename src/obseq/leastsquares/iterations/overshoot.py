@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+from obseq.arrays import FloatArray
 
 SLOW = 0.3
 """Share of the step before it that a step must have to be one of a slow sequence, or..."""

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
-from obseq.leastsquares.assembly.linearisation import SolvedLinearisation
+from obseq.leastsquares.assembly.linearisation import Linearisation, SolvedLinearisation
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
+from obseq.leastsquares.iterations.arrival import Options
 from obseq.leastsquares.iterations.damped_path import DampedPath
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
-from obseq.leastsquares.iterations.gauss_newton import iterate
+from obseq.leastsquares.iterations.gauss_newton import Progress, iterate
 from obseq.leastsquares.iterations.newton import factor, newton_step
-from obseq.leastsquares.iterations.strategies import Controlled, Dogleg, LevenbergMarquardt
+from obseq.leastsquares.iterations.strategies import Controlled, Dogleg, LevenbergMarquardt, Strategy
 from obseq.leastsquares.iterations.trust_region import iterate_in_region
+from obseq.leastsquares.solution.result import Iteration
+from obseq.leastsquares.solvers import Solver
 from obseq.leastsquares.solvers.base import BaseSolver
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.linearisation import Linearisation
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.iterations.arrival import Options
-    from obseq.leastsquares.iterations.gauss_newton import Progress
-    from obseq.leastsquares.iterations.strategies import Strategy
-    from obseq.leastsquares.solution.result import Iteration
-    from obseq.leastsquares.solvers import Solver
-
 
 Iterations: TypeAlias = (
     "Callable[[Options, int, Callable[[int], None], Callable[[Iteration], None]], Progress]"

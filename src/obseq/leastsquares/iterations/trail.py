@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
+from obseq.arrays import FloatArray
 
 FIRST_LEAP, LATEST_LEAP = 16, 32
 """Restrained steps in a row that prompt a leap: the first one, and after leaps in vain."""

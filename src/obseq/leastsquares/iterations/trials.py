@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
+from obseq.leastsquares.assembly.linearisation import Linearisation
 from obseq.leastsquares.iterations.arrival import EPS
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.linearisation import Linearisation
 
 ROUNDED_COST = 16.0 * EPS
 """Share of the cost below which a promised decrease cannot be seen in it."""

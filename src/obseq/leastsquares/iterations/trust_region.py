@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import DivergenceError, SingularSystemError
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.iterations.arrival import (
     NEGLIGIBLE,
     Arrival,
+    Options,
     resolution,
     rounding_of_cost,
     rounding_of_sum,
@@ -17,18 +20,9 @@ from obseq.leastsquares.iterations.arrival import (
 from obseq.leastsquares.iterations.gauss_newton import Progress, recorded, strayed
 from obseq.leastsquares.iterations.overshoot import Overshoot
 from obseq.leastsquares.iterations.trail import Trail
-from obseq.leastsquares.iterations.trials import gain_of, scaled, share_of
+from obseq.leastsquares.iterations.trials import Path, Trial, gain_of, scaled, share_of
 from obseq.leastsquares.iterations.violation import Violation
-from obseq.leastsquares.solution.result import StopReason
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.iterations.arrival import Options
-    from obseq.leastsquares.iterations.trials import Path, Trial
-    from obseq.leastsquares.solution.result import Iteration
+from obseq.leastsquares.solution.result import Iteration, StopReason
 
 LEAST_GAIN = 1e-4
 """Share of the promised decrease of the cost that a step must bring to be accepted."""

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from operator import is_
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.leastsquares.problem.problem import Problem
+from obseq.leastsquares.problem.problem import Problem
 
 
 class Unchanged:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.leastsquares.assembly.evaluation import jacobian_rows, residual_rows
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.problem.batches import Batch
-
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
+from obseq.leastsquares.problem.batches import Batch
 
 NARROWED = 0.9
 """Share of the funnel's width below which a violation is to fall."""

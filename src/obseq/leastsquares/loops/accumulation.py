@@ -12,20 +12,15 @@ diagonal block of the normal matrix and, as its last column, the block's share o
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IntArray, PositionArray
 from obseq.compilation import compiled
 from obseq.compilation.digests import SUMS
 from obseq.kernels.layout import LANES, STRIDE
 from obseq.kernels.tiles import call_kernel
 from obseq.kernels.vectors import outer1, outer4, outer_threes, transpose3, transpose4
 from obseq.leastsquares.loops.loop_arguments import BatchArrays, BlockTable, Present, Span
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray, PositionArray
-
 
 U = np.uint64
 ROW = U(STRIDE)

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from obseq.arrays import FloatArray, IndexArray, IntArray, IntRows
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.loop_arguments import PriorArrays, UnknownPlaces
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IndexArray, IntArray, IntRows
 
 
 @compiled

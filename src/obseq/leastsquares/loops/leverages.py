@@ -6,15 +6,11 @@ with a the row of the equation, are on the pattern of N: they are read there, on
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.loop_arguments import EquationRows, SparseInverse
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IndexArray, IntArray
 
 
 @compiled

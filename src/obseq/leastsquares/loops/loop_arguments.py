@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from obseq.arrays import (
-        FloatArray,
-        FloatRows,
-        IndexArray,
-        IntArray,
-        IntRows,
-        PositionArray,
-        PositionRows,
-    )
+from obseq.arrays import (
+    FloatArray,
+    FloatRows,
+    IndexArray,
+    IntArray,
+    IntRows,
+    PositionArray,
+    PositionRows,
+)
 
 
 class BatchArrays(NamedTuple):

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from obseq.arrays import IndexArray, IntArray, IntRows, PositionArray, PositionRows
 from obseq.compilation import compiled
-
-if TYPE_CHECKING:
-    from obseq.arrays import IndexArray, IntArray, IntRows, PositionArray, PositionRows
 
 
 @compiled

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows
 from obseq.compilation import compiled
 from obseq.kernels.vectors import (
     copy_threes,
@@ -26,10 +25,6 @@ from obseq.leastsquares.loops.temporaries import (
     gather_group,
     scalar_of,
 )
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows
-
 
 U = np.uint64
 

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import ByteArray, FloatArray, IntArray, IntRows, PositionArray
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.loop_arguments import BlockTable, Span
-
-if TYPE_CHECKING:
-    from obseq.arrays import ByteArray, FloatArray, IntArray, IntRows, PositionArray
-
 
 STORED_HEIGHT = 5
 """Height of a pair of threes in a block of its own, as in `layout`."""

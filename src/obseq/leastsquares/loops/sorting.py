@@ -6,14 +6,12 @@ are sorted one number after the other, each in as many steps as there are items.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import IndexArray, IntArray
 from obseq.compilation import compiled
-
-if TYPE_CHECKING:
-    from obseq.arrays import IndexArray, IntArray
 
 
 class Distinct(NamedTuple):

@@ -5,16 +5,11 @@ Groups of one block of three free unknowns, tie points, are the common case, and
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IntArray
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.loop_arguments import Groups, UnknownPlaces
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray
-
 
 TINY = 1e-14
 """A pivot below this share of its diagonal entry vanishes: the observations do not determine the unknown."""

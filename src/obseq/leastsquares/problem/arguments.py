@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import operator
 import sys
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import Array, BoolArray, FloatArray
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import Array, BoolArray, FloatArray
 
 
 def plain(given: object, what: str) -> Array:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import IntArray
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import texts, whole
-from obseq.leastsquares.problem.manifolds import MANIFOLDS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import IntArray
-    from obseq.leastsquares.problem.manifolds import Manifold
+from obseq.leastsquares.problem.manifolds import MANIFOLDS, Manifold
 
 
 class BlockNames:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Iterator
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite
 from obseq.leastsquares.sparse import Sparse
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
 
 Covariance: TypeAlias = Any
 """A matrix, dense or sparse, or a list of the dense ones of consecutive clusters."""

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import listed, truths
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 Motions: TypeAlias = "Callable[[FloatArray], FloatArray]"
 """Values (n, size) of blocks -> (n, size, k) what they do along directions."""

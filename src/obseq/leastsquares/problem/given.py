@@ -5,22 +5,17 @@ And what a batch gives back of its observations: an array that is read; another 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence, Set
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import plain, real
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence, Set
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.shapes import Role, Shape
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.shapes import Role, Shape
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 def block_columns(table: UnknownTable, shape: Shape, blocks: Mapping[str, ArrayLike]) -> list[IntArray]:

@@ -19,17 +19,13 @@ sigmas. All constants are in sigmas.
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
-
-if TYPE_CHECKING:
-    from typing import Self
-
-    from obseq.arrays import FloatArray
 
 
 class Loss(Protocol):

@@ -15,18 +15,15 @@ N = N0 + du U + dv V, normalised when the step is absorbed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry.rotations import IDENTITY, absorb, logarithm
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

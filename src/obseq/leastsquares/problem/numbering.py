@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, IntArray
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 @dataclass(frozen=True)

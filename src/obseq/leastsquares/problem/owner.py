@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SOLVING = "solving"
 

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, frozen, real, text
+from obseq.leastsquares.problem.unknowns import UnknownTable
 from obseq.leastsquares.problem.weights import root_weights
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 class Prior:

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, InputError
+from obseq.kernels.loading import Kernel
+from obseq.leastsquares.problem.manifolds import Manifold
 from obseq.leastsquares.problem.padding import fill_padded, padded_length
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.kernels.loading import Kernel
-    from obseq.leastsquares.problem.manifolds import Manifold
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 @dataclass(frozen=True)

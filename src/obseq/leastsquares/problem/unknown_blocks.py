@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
+from numpy.typing import ArrayLike
+
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import block_names, finite, table_of_rows, texts
 from obseq.leastsquares.problem.manifolds import (
@@ -16,14 +19,7 @@ from obseq.leastsquares.problem.manifolds import (
     Manifold,
 )
 from obseq.leastsquares.problem.unknown_objects import UnknownObject, matching
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 class UnknownBlocks:

@@ -8,24 +8,20 @@ is read back by the system before the next linearisation.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import text
 from obseq.leastsquares.problem.manifolds import Manifold
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 class Blocks(Protocol):

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 from weakref import WeakMethod
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import Array, BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, plain
 from obseq.leastsquares.problem.block_names import BlockNames, called, component_number
-from obseq.leastsquares.problem.manifolds import CurvedBlocks, Perspective
+from obseq.leastsquares.problem.manifolds import CurvedBlocks, Manifold, Perspective
 from obseq.leastsquares.problem.owner import Owner
 from obseq.leastsquares.problem.padding import GrowingArray
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.problem.manifolds import Manifold
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterable
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.sparse import Sparse
+from obseq.leastsquares.sparse import Sparse
 
 
 class Weighted(Protocol):

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray
+from obseq.leastsquares.problem.numbering import FreeUnknowns
+from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.solvers import Solver, SymmetricPattern
 from obseq.leastsquares.solvers.base import BaseSolver, forms_by_solves
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.problem.numbering import FreeUnknowns
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-    from obseq.leastsquares.solvers import Solver, SymmetricPattern
-    from obseq.leastsquares.sparse import Sparse
+from obseq.leastsquares.sparse import Sparse
 
 
 class Cofactors:

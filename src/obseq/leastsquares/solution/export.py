@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.unknowns import State, UnknownTable
-    from obseq.leastsquares.problem.weights import Weighing
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.unknowns import State, UnknownTable
+from obseq.leastsquares.problem.weights import Weighing
 
 Columns: TypeAlias = "Mapping[str, list[str] | FloatArray | BoolArray]"
 

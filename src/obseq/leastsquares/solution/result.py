@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from obseq.arguments import expecting, instance
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, ObseqError
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.problem.unknowns import State, UnknownTable
+from obseq.leastsquares.problem.weights import Weighing
+from obseq.leastsquares.solution.cofactors import Cofactors
 from obseq.leastsquares.solution.export import as_table, observation_columns, rows, unknown_columns
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.errors import ObseqError
-    from obseq.leastsquares.problem.unknowns import State, UnknownTable
-    from obseq.leastsquares.problem.weights import Weighing
-    from obseq.leastsquares.solution.cofactors import Cofactors
-
 
 FORMAT = "obseq-least-squares"
 VERSION = 1

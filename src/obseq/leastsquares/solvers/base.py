@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IndexArray, IntArray
 from obseq.errors import InputError, SingularMatrixError, SolverStateError
-from obseq.leastsquares.solvers.protocol import Defect, InverseParts
+from obseq.leastsquares.solvers.protocol import Defect, InverseParts, SolverStatistics, SymmetricPattern
 from obseq.leastsquares.solvers.rank import (
     CLEAR,
     LARGEST_EXAMINED,
@@ -18,14 +21,6 @@ from obseq.leastsquares.solvers.rank import (
     replacement_pivots,
     undetermined,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IndexArray, IntArray
-    from obseq.leastsquares.solvers.protocol import SolverStatistics, SymmetricPattern
 
 
 class BaseSolver(ABC):

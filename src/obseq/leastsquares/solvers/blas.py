@@ -10,21 +10,18 @@ import ctypes
 import importlib
 import importlib.util
 import os
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from obseq.compilation import Instruction
 from obseq.pools import let_go_at_fork
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from numpy.typing import NDArray
 
 LAPACK, BLAS = "scipy.linalg.cython_lapack", "scipy.linalg.cython_blas"
 ROUTINES = (

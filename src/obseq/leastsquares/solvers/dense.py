@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.leastsquares.solvers.base import BaseSolver
 from obseq.leastsquares.solvers.blas import POTRF, POTRI, POTRS, call_lapack
 from obseq.leastsquares.solvers.dense_loops import factor_columns, invert_small, solve_columns
 from obseq.leastsquares.solvers.dense_threads import LEAST, factor_in_threads
-from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SymmetricPattern
 from obseq.leastsquares.solvers.rank import defect_of, relative_pivots, replacement_pivots
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
-
 
 SMALL = 64
 """Matrices of so few unknowns are treated by plain loops: loading LAPACK takes longer."""

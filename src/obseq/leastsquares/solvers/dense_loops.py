@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows
 from obseq.compilation import compiled
 from obseq.compilation.digests import SUMS
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows
 
 
 @compiled

@@ -7,17 +7,13 @@ times as long as one. Here each thread has its own share of a step, and ends wit
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.leastsquares.solvers.blas import GEMM, POTRF, SYRK, TRSM, call_blas, call_lapack
 from obseq.pools import thread_pool
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-
 
 PANEL = 192
 """Columns of one step: wide enough for the products, which are most of the work."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from obseq.arrays import IntArray, IntRows
 from obseq.compilation import compiled
-
-if TYPE_CHECKING:
-    from obseq.arrays import IntArray, IntRows
-
 
 OPERATIONS, ENTRIES, PANEL, CALL = 4e10, 1e9, 1.5e8, 5e-8
 """Operations, entries of a front and of its panel treated in one second; seconds spent on any front."""

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, IndexArray, IntArray, IntRows, KeyArray
 from obseq.compilation import compiled
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, IndexArray, IntArray, IntRows, KeyArray
-    from obseq.leastsquares.solvers.protocol import SymmetricPattern
-
+from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
 ROUNDS = 8
 """Rounds of peeling at most; each one rebuilds the graph that remains."""

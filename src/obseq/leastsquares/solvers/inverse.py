@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from obseq.compilation import compiled
 from obseq.compilation.digests import SUMS
 from obseq.leastsquares.solvers.blas import GEMM, POTRI, SYMM, TRSM, address_of, fortran, lapack
@@ -23,10 +22,6 @@ from obseq.leastsquares.solvers.numeric import (
     ZERO,
 )
 from obseq.leastsquares.solvers.symbolic import Structure
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
-
 
 FROM_LEFT = np.uint8(ord("L"))
 

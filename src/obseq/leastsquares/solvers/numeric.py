@@ -6,18 +6,13 @@ supernode (its rows below, squared, lower triangle) lies in the workspace until 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from obseq.compilation import compiled
 from obseq.leastsquares.solvers.blas import POTRF, SYRK, TRSM, address_of, fortran, lapack
 from obseq.leastsquares.solvers.dense_loops import factor_columns
 from obseq.leastsquares.solvers.symbolic import Structure
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
-
 
 LOWER, LEFT, RIGHT = np.uint8(ord("L")), np.uint8(ord("L")), np.uint8(ord("R"))
 TRANSPOSED, PLAIN, NOT_UNIT = np.uint8(ord("T")), np.uint8(ord("N")), np.uint8(ord("N"))

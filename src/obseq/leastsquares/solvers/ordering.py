@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import IntArray
 from obseq.errors import InputError, SolverUnavailableError
-from obseq.leastsquares.solvers.graph import peel
+from obseq.leastsquares.solvers.graph import Graph, Grouping, peel
 from obseq.leastsquares.solvers.minimum_degree import least_degree_first
-
-if TYPE_CHECKING:
-    from obseq.arrays import IntArray
-    from obseq.leastsquares.solvers.graph import Graph, Grouping
 
 ORDERINGS = ("metis", "minimum-degree", "natural")
 

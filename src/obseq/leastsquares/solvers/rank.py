@@ -9,19 +9,13 @@ rounding stays near 1e-16.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from obseq.leastsquares.solvers.protocol import Defect
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.solvers.protocol import SymmetricPattern
+from obseq.arrays import FloatArray, IntArray
+from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 SUSPICIOUS = 1e-8
 """A pivot that is not above this share of its diagonal entry is replaced, and the unknown examined."""

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, FloatRows, IntArray
 from obseq.compilation import compiled
 from obseq.compilation.digests import SUMS
 from obseq.leastsquares.solvers.blas import GEMM, GEMV, TRSM, TRSV, address_of, fortran
 from obseq.leastsquares.solvers.numeric import LEFT, LOWER, NOT_UNIT, ONE, PLAIN, TRANSPOSED, ZERO
 from obseq.leastsquares.solvers.symbolic import Structure
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, FloatRows, IntArray
-
 
 SMALL_WIDTH = 8
 """Panels of so few columns are treated by plain loops."""

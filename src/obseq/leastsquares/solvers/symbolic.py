@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import IndexArray, IntArray
 from obseq.compilation import compiled
 from obseq.leastsquares.solvers.elimination_tree import column_counts, elimination_tree, postorder, supernodes
-from obseq.leastsquares.solvers.graph import group_indistinguishable
+from obseq.leastsquares.solvers.graph import Graph, Grouping, group_indistinguishable
 from obseq.leastsquares.solvers.ordering import elimination_order
-
-if TYPE_CHECKING:
-    from obseq.arrays import IndexArray, IntArray
-    from obseq.leastsquares.solvers.graph import Graph, Grouping
-    from obseq.leastsquares.solvers.protocol import SymmetricPattern
+from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
 
 class Structure(NamedTuple):

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.assembly.store import store_layout
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.final_state import FinalState
-    from obseq.leastsquares.system import LeastSquares
-
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.statistics.final_state import FinalState
+from obseq.leastsquares.system import LeastSquares
 
 Source = TypeVar("Source", "Batch", "Prior")
 

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, aslinearoperator, eigsh
 
 from obseq.leastsquares.solvers import choose_solver
-
-if TYPE_CHECKING:
-    from obseq.leastsquares.system import LeastSquares
-
+from obseq.leastsquares.system import LeastSquares
 
 SMALL = 20
 """Unknowns up to which the eigenvalues are those of the whole matrix."""

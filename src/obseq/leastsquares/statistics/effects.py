@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.statistics.reliability import Reliability
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.statistics.reliability import Reliability
 
 BIASES_AT_A_TIME = 128
 """Observations that are solved for together: memory is this times the number of unknowns."""

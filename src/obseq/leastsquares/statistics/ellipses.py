@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares.solution.result import LeastSquaresResult
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.solution.result import LeastSquaresResult
-
 
 PAIRS_AT_A_TIME = 64
 """Pairs of points whose covariances are solved for together: memory is this times the number of unknowns."""

@@ -3,33 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
 from obseq.leastsquares.assembly.at_once import batch_members
 from obseq.leastsquares.assembly.clusters import are_few, whitened_rows
 from obseq.leastsquares.assembly.evaluation import evaluate_members, whitened_residual_rows
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, SparseInverse
+from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.padding import PADDING, padded_length
-from obseq.leastsquares.problem.weights import root_weights
+from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.problem.weights import Weighing, root_weights
+from obseq.leastsquares.solution.cofactors import Cofactors
+from obseq.leastsquares.solution.result import LeastSquaresResult
 from obseq.leastsquares.sparse import Sparse, symmetric
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.problem.weights import Weighing
-    from obseq.leastsquares.solution.cofactors import Cofactors
-    from obseq.leastsquares.solution.result import LeastSquaresResult
-    from obseq.leastsquares.system import LeastSquares
-
+from obseq.leastsquares.system import LeastSquares
 
 OBSERVATIONS_AT_A_TIME = 128 * LANES
 """Observations whose derivatives are in memory together: as many as stay in cache."""

@@ -7,12 +7,14 @@ that of finding what is there (beta).
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares.solution.result import LeastSquaresResult
 from obseq.leastsquares.statistics.distributions import (
     bisected,
     chi_square_limit,
@@ -22,12 +24,6 @@ from obseq.leastsquares.statistics.distributions import (
     normal_outside,
     tau_outside,
 )
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.solution.result import LeastSquaresResult
 
 MEDIAN_TO_SIGMA = 1.4826
 """Standard deviation of a normal variable over the median of its absolute value."""

@@ -9,8 +9,8 @@ theory, Delft 2000, section 4.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 from obseq.leastsquares.statistics.distributions import (
     beta_above,
@@ -25,9 +25,6 @@ from obseq.leastsquares.statistics.hypothesis_tests import (
     normal_critical,
     single_level,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 POWER = 0.80
 """Power that tests of different numbers of equations have in common."""

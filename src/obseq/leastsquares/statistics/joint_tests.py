@@ -9,20 +9,16 @@ Source: P. Teunissen, Testing theory, Delft 2000.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.statistics.final_state import FinalState
 from obseq.leastsquares.statistics.observation_statistics import UNCONTROLLED
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.statistics.final_state import FinalState
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior
 from obseq.leastsquares.statistics.hypothesis_tests import normal_p_values, tau_p_values
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.joint_tests import JointTest
+from obseq.leastsquares.statistics.joint_tests import JointTest
 
 Source = TypeVar("Source", bound="Batch | Prior", covariant=True)
 

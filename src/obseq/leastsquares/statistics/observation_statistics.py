@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
-
 
 UNCONTROLLED = 1e-6
 """Redundancy number below which an observation is not controlled: a blunder of 4000 sigmas would not show."""

@@ -9,13 +9,19 @@ the pattern of N are needed. Formulas and sources: docs/statistics.md.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import field, fields
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.solution.result import LeastSquaresResult
 from obseq.leastsquares.statistics.final_state import FinalState, final_state
 from obseq.leastsquares.statistics.hypothesis_tests import (
     non_centrality,
@@ -31,17 +37,7 @@ from obseq.leastsquares.statistics.observation_statistics import (
     independent_numbers,
     residual_cofactors,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.solution.result import LeastSquaresResult
-    from obseq.leastsquares.system import LeastSquares
+from obseq.leastsquares.system import LeastSquares
 
 Given = TypeVar("Given", "Batch", "Prior")
 

@@ -9,28 +9,29 @@ Sources: docs/statistics.md.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior
 from obseq.leastsquares.problem.weights import Restorer
-from obseq.leastsquares.statistics.component_equations import Component, ComponentEquations, Exact, Sampled
+from obseq.leastsquares.solution.result import LeastSquaresResult
+from obseq.leastsquares.statistics.component_equations import (
+    Component,
+    ComponentEquations,
+    Exact,
+    Sampled,
+    Traces,
+)
 from obseq.leastsquares.statistics.final_state import final_state
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.solution.result import LeastSquaresResult
-    from obseq.leastsquares.statistics.component_equations import Traces
-    from obseq.leastsquares.system import LeastSquares
-
+from obseq.leastsquares.system import LeastSquares
 
 SMALLEST = 1e-8
 """Factors do not fall below it: sigmas ten thousand times smaller than given."""

@@ -6,23 +6,18 @@ Cameras are named by their calibrations. What a file holds besides stays in it w
 from __future__ import annotations
 
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.geometry import RigidMotion
 from obseq.images.names import unique_names
 from obseq.project.instruments.rigid_blocks import read_pose_fields
 from obseq.project.metadata import read_names, whole_match
-from obseq.project.tree import Reader, file_in, pairs, read_tree
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.geometry import RigidMotion
-    from obseq.project.tree import Tree
+from obseq.project.tree import Reader, Tree, file_in, pairs, read_tree
 
 FILE = "FileRB_"
 CAMERA, CLINOMETER = "Camera", "Clino"

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.images.names import unique_names
 from obseq.project.instruments.blocks import ClinometerReadings
-from obseq.project.tree import data_text
+from obseq.project.tree import Tree, data_text
 from obseq.reading.text import read_bytes
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.project.tree import Tree
 
 FILE = "ClinoMeasures"
 

@@ -7,23 +7,17 @@ cameras, `BlockInstrInitClino` finds the axes of the clinometers.
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
-from obseq.images import initial_block
-from obseq.project.instruments.blocks import CAMERA, CLINOMETER
+from obseq.images import Poses, initial_block
+from obseq.project.instruments.blocks import CAMERA, CLINOMETER, ClinometerReadings, InstrumentBlock
 from obseq.project.instruments.joining import carried_images, exposures_of
 from obseq.project.instruments.rigid_blocks import pose_tree
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.images import Poses
-    from obseq.project.instruments.blocks import ClinometerReadings, InstrumentBlock
-    from obseq.project.tree import Tree
+from obseq.project.tree import Tree
 
 PERFECT: list[Tree] = [(0.0,), (1.0,), (0.0,), (0.0,)]
 """Coefficients of the correction of a clinometer that needs none."""

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import RigidMotion
 from obseq.project.metadata import whole_match
-from obseq.project.tree import Reader, merged, pairs, read_tree, tree_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.project.tree import Tree
+from obseq.project.tree import Reader, Tree, merged, pairs, read_tree, tree_text
 
 BLOCK = "CalibBlocCam"
 ORTHONORMAL = 1e-6

@@ -6,12 +6,13 @@ is not understood, or would have no effect, is refused.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.project.options.option_values import (
+    Value,
     flag_or,
     number_at,
     number_or,
@@ -22,11 +23,6 @@ from obseq.project.options.option_values import (
     whole_number,
     word_at,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.project.options.option_values import Value
 
 BLOCK = "BOI=[[Block?,mTr?,mRot?,Save?,Rel?],[gTr?,gRot?],[cTr,cRot]?]"
 TILTS = "ClinoBOI=[[Block?,mAng?,mOrth?],[VertFree?,Others?],[Degree 0?,Degree 1?,...]]"

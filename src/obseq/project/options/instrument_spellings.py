@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from obseq.errors import InputError
+from obseq.project.options.option_values import Value
 from obseq.project.options.spelling import Form, Option, Spelling, in_order, switch, value, values
-
-if TYPE_CHECKING:
-    from obseq.project.options.option_values import Value
 
 NAME = Option("NameBloc", "of the block (TheBlock)", value("--name"))
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from obseq.errors import InputError
 from obseq.project.options.bundle_options import KNOWN, TOPO
 from obseq.project.options.instrument_spellings import INSTRUMENTS
+from obseq.project.options.option_values import Value
 from obseq.project.options.spelling import Form, Option, Spelling, as_typed, in_order, switch, value, values
 from obseq.project.options.target_spellings import TARGETS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.project.options.option_values import Value
 
 
 def _groups(given: Sequence[str]) -> list[str]:

@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 from obseq.errors import InputError
-from obseq.project.options.option_values import number_at
+from obseq.project.options.option_values import Value, number_at
 from obseq.project.options.spelling import Form, Option, Spelling, in_order, switch, value, values
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.project.options.option_values import Value
 
 PARITIES = {"1": "odd", "2": "even", "3": "all"}
 IMAGES = "IMAGES"

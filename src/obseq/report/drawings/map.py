@@ -7,12 +7,9 @@ displacements, directions) is turned by the similarity that leads from one to th
 from __future__ import annotations
 
 import cmath
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.records.adjustment import AdjustmentRecord
+from obseq.records.adjustment import AdjustmentRecord
 
 MOST = 0.01
 """Share of the extent by which the places may differ after the similarity: maps do by far less, other systems

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Sequence
 
 from obseq.printable import printable_line
-from obseq.report.drawings.map import similarity
+from obseq.records.adjustment import AdjustmentRecord, PointRecord
+from obseq.report.drawings.map import Similarity, similarity
 from obseq.report.tables.content import stations_of
 from obseq.report.tables.named import ellipse_level
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from obseq.records.adjustment import AdjustmentRecord, PointRecord
-    from obseq.report.drawings.map import Similarity
 
 TOGETHER = 0.1
 """Width (rad) of the bundles of rays that are drawn as one, with all their names."""

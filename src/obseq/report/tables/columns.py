@@ -6,16 +6,13 @@ A table is declared once, with what is here. The page, texts and CSV are written
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from obseq.printable import printable_line
+from obseq.records.adjustment import EllipseRecord
 from obseq.report.tables.units import MANY, Plain
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from obseq.records.adjustment import EllipseRecord
 
 Column = Plain
 Table = Plain
@@ -108,6 +105,11 @@ def table(name: str, title: str, columns: Sequence[Column], **more: object) -> T
     if more.get("order") not in {item["key"] for item in kept}:
         more.pop("order", None)
     return {"id": name, "title": printable_line(title), "columns": kept, **more}
+
+
+def filled(tables: Iterable[Table | None]) -> list[Table]:
+    """The tables that have something to show."""
+    return [item for item in tables if item and item["columns"]]
 
 
 def field(title: str, quantity: str, rows: Iterable[object], name: str, **more: object) -> Column:

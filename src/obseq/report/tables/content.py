@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from obseq.printable import printable_line
+from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
 from obseq.report.tables import content_quality, units
 from obseq.report.tables.columns import (
     PLACES,
@@ -18,16 +19,12 @@ from obseq.report.tables.columns import (
     elements,
     ellipse_columns,
     field,
+    filled,
     inside,
     rounded,
     table,
 )
 from obseq.report.tables.named import ellipse_level, unit_of, where
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Sequence
-
-    from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
 
 Rows = dict[str, int]
 """The number of each name of a point: those of the record first, in its order."""
@@ -35,8 +32,7 @@ Rows = dict[str, int]
 
 def tables(record: AdjustmentRecord, rows: Rows, names: Collection[str] = ()) -> list[Table]:
     """The tables of an adjustment, or those of some names; the quantity of a column says how it is shown."""
-    made = (of(record, rows) for name, of in TABLES.items() if not names or name in names)
-    return [item for item in made if item]
+    return filled(of(record, rows) for name, of in TABLES.items() if not names or name in names)
 
 
 def numbers_of(record: AdjustmentRecord) -> Rows:
@@ -254,8 +250,6 @@ def _given_axis(record: AdjustmentRecord, axis: str) -> Column:
 
 def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
     found = record.constraints
-    if not found:
-        return None
     unit = {"unit": record.points_crs_unit} if record.points_crs_unit not in (None, "m") else {}
     columns = [
         column("point", "point", (rows.get(row.point) for row in found)),
@@ -276,8 +270,6 @@ def _known(record: AdjustmentRecord, rows: Rows) -> Table | None:
 def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
     """Vectors and positions, each tested as one observation."""
     found = record.joint
-    if not found:
-        return None
     off = (math.hypot(*row.blunder) for row in found)
     columns = [
         column("vector", "text", [printable_line(row.what) for row in found]),
@@ -299,8 +291,6 @@ def _vectors(record: AdjustmentRecord, _: Rows) -> Table | None:
 
 def _stations(record: AdjustmentRecord, rows: Rows) -> Table | None:
     found = record.stations
-    if not found:
-        return None
     zeros = (None if row.g0 is None else rounded(row.g0 % math.tau, PLACES["rad"]) for row in found)
     columns = [
         column("station", "point", (rows.get(row.origin) for row in found)),

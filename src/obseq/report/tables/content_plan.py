@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-from obseq.report.tables.columns import choice, column, field, table
+from obseq.report.tables.columns import choice, column, field, filled, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
@@ -16,14 +16,11 @@ if TYPE_CHECKING:
 
 def plan_tables(record: PlanRecord, rows: Mapping[str, int], names: Collection[str] = ()) -> list[Table]:
     """Weakest points, weakly checked observations, gains; or those of some names."""
-    made = (of(record, rows) for name, of in PLAN_TABLES.items() if not names or name in names)
-    return [item for item in made if item]
+    return filled(of(record, rows) for name, of in PLAN_TABLES.items() if not names or name in names)
 
 
 def _points(record: PlanRecord, rows: Mapping[str, int]) -> Table | None:
     found = record.weakest_points
-    if not found:
-        return None
     columns = [
         column("point", "point", (rows[item.point] for item in found)),
         field("sigma", "small_length", found, "sigma", about="in the direction in which it is known worst"),
@@ -36,8 +33,6 @@ def _points(record: PlanRecord, rows: Mapping[str, int]) -> Table | None:
 
 def _observations(record: PlanRecord, _: Mapping[str, int]) -> Table | None:
     found = record.weakest_observations
-    if not found:
-        return None
     columns = [
         column("observation", "text", (printable_line(item.observation) for item in found)),
         field("redundancy", "number", found, "redundancy", bar="redundancy"),
@@ -51,8 +46,6 @@ def _observations(record: PlanRecord, _: Mapping[str, int]) -> Table | None:
 
 def _gains(record: PlanRecord, rows: Mapping[str, int]) -> Table | None:
     found = record.gains
-    if not found:
-        return None
     names = [printable_line(item.point) for item in found]
     columns = [
         choice("type", [item.type for item in found]),

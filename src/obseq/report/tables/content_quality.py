@@ -39,8 +39,6 @@ def by_station(record: AdjustmentRecord, rows: Rows) -> Table | None:
 
 def _statistics(key: str, title: str, first: Column, found: Sequence[StatisticsRecord]) -> Table | None:
     """The table of how the observations of each type or from each point fit."""
-    if not found:
-        return None
     columns = [
         first,
         column("used", "count", (row.count for row in found)),
@@ -121,8 +119,6 @@ def undetermined(record: AdjustmentRecord, rows: Rows) -> Table | None:
 def ellipsoids(record: AdjustmentRecord, _: Rows) -> Table | None:
     """Error ellipsoids."""
     found = [(k, point.ellipsoid) for k, point in enumerate(record.points) if point.ellipsoid]
-    if not found:
-        return None
     parts = {name: [getattr(item, name) for _, item in found] for name in ("axes", "bearings", "elevations")}
     columns = [column("point", "point", (k for k, _ in found))]
     for k in range(3):

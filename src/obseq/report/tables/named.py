@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from obseq.report.tables.columns import choice, column
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
-    from obseq.report.tables.columns import Column
+from obseq.records.adjustment import AdjustmentRecord, ObservationRecord
+from obseq.report.tables.columns import Column, choice, column
 
 ANGLES = frozenset({"Hz", "Zen"})
 """Types that are angles in records that do not hold the unit of their observations (obseq 0.1.0)."""

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import base64
 import gzip
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from obseq.report.tables.columns import EXACT
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 LONG = 400
 """Values from which a column is packed: of fewer, JSON is as short."""

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from msgspec import structs
 
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.columns import Lazy
 from obseq.records.record import Record
-
-if TYPE_CHECKING:
-    from obseq.records.adjustment import AdjustmentRecord
-    from obseq.records.rows import Rows
+from obseq.records.rows import Rows
 
 Kind = TypeVar("Kind", bound=Record)
 POINTS = (

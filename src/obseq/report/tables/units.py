@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 from obseq.dataclass import dataclass
+from obseq.records.adjustment import AdjustmentRecord
 from obseq.records.shown_units import ANGLES, METRES, ShownUnits
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.records.adjustment import AdjustmentRecord
 
 Plain = dict[str, Any]
 """What a page holds as JSON."""

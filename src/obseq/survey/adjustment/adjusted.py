@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.boundary import Boundary
-from obseq.crs import parse
+from obseq.crs import Unit, parse
 from obseq.dataclass import dataclass
-from obseq.leastsquares.statistics.ellipses import confidence_factor, ellipses_of
+from obseq.leastsquares import LeastSquaresResult
+from obseq.leastsquares.statistics.ellipses import ErrorEllipses, confidence_factor, ellipses_of
 from obseq.records.adjustment import (
     AdjustmentRecord,
+    DoubtfulRecord,
     IterationRecord,
+    LeftOutRecord,
+    MotionRecord,
     ObservationRecord,
+    OperationRecord,
     PhaseRecord,
     PointRecord,
+    ReplacedRecord,
+    RunRecord,
 )
-from obseq.records.columns import NO_CODE, Texts
+from obseq.records.columns import NO_CODE, Column, Texts
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.rows import Rows
 from obseq.records.shown_units import METRIC, ShownUnits
-from obseq.survey.adjustment.adjusted_quality import ellipse_columns
+from obseq.survey.adjustment.adjusted_quality import AdjustedQuality, ellipse_columns
 from obseq.survey.adjustment.adjusted_records import (
+    AdjustedPoints,
+    AdjustedStations,
     Fit,
     by_setup,
     by_type,
@@ -36,30 +48,10 @@ from obseq.survey.adjustment.adjusted_records import (
 from obseq.survey.adjustment.asked import Asked
 from obseq.survey.adjustment.joint_groups import joint_records
 from obseq.survey.equations.frame import area_warning
+from obseq.survey.equations.known_coordinates import CoordinateResiduals
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.kinds.registry import BY_CODE
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.crs import Unit
-    from obseq.leastsquares import LeastSquaresResult
-    from obseq.leastsquares.statistics.ellipses import ErrorEllipses
-    from obseq.records.adjustment import (
-        DoubtfulRecord,
-        LeftOutRecord,
-        MotionRecord,
-        OperationRecord,
-        ReplacedRecord,
-        RunRecord,
-    )
-    from obseq.records.columns import Column
-    from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
-    from obseq.survey.adjustment.adjusted_quality import AdjustedQuality
-    from obseq.survey.adjustment.adjusted_records import AdjustedPoints, AdjustedStations
-    from obseq.survey.equations.known_coordinates import CoordinateResiduals
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
 from msgspec import structs
+from numpy.typing import NDArray
 
 from obseq import crs
+from obseq.arrays import BoolArray, FloatArray, IntArray
+from obseq.crs import CoordinateSystem
 from obseq.dataclass import dataclass
+from obseq.leastsquares import LeastSquaresResult
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.leastsquares.statistics.hypothesis_tests import global_test
 from obseq.records.adjustment import (
@@ -20,24 +25,12 @@ from obseq.records.adjustment import (
     StatisticsRecord,
     defined,
 )
-from obseq.records.columns import Texts, texts_of
+from obseq.records.columns import Column, Texts, texts_of
 from obseq.records.rows import Rows
-from obseq.survey.equations.known_coordinates import COMPONENTS
+from obseq.survey.adjustment.adjusted_quality import ReliabilityNumbers
+from obseq.survey.equations.known_coordinates import COMPONENTS, CoordinateResiduals
 from obseq.survey.kinds.registry import BY_CODE, codes_where
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from numpy.typing import NDArray
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.crs import CoordinateSystem
-    from obseq.leastsquares import LeastSquaresResult
-    from obseq.records.columns import Column
-    from obseq.survey.adjustment.adjusted_quality import ReliabilityNumbers
-    from obseq.survey.equations.known_coordinates import CoordinateResiduals
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Orientation, Points
 
 _LEAST_REDUNDANCY = 1e-6
 """Redundancy of a group below which nothing is said of its sigmas."""

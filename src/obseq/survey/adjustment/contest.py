@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from obseq.errors import ObseqError
+from obseq.survey.equations.equations import Equations
+from obseq.survey.initial.closed_forms import Space
+from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.left_out import Determined, leave_out
 from obseq.survey.initial.rivals import Choice
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.survey.equations.equations import Equations
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 MOST_TRIALS = 16
 """Adjustments that are tried: for points with many observations first; others start at their first place."""

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import enum
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import WORDS, require
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import composed
 from obseq.survey.kinds.registry import among, codes_where
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 
 class DatumKind(enum.StrEnum):

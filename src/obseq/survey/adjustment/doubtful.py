@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.records.adjustment import DoubtfulRecord
 from obseq.survey.initial.approximations import nearest_sights
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import codes_for
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook
 
 LEAST = 1.0
 """Standard deviation of a coordinate (m) below which no point is called doubtful."""

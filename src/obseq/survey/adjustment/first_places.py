@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.geometry.circles import axis_of, centre_of
 from obseq.survey.equations.families import present
+from obseq.survey.equations.frame import Frame
 from obseq.survey.kinds.kind import FirstPlace
 from obseq.survey.kinds.registry import BY_CODE, among, codes_placed_by
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.equations.frame import Frame
-    from obseq.survey.model import FieldBook, Observations, Points
+from obseq.survey.model import FieldBook, Observations, Points
 
 _OF_THREE = FirstPlace.POSITION, FirstPlace.VECTOR, FirstPlace.LOCAL_VECTOR
 """What takes three observations, one for each component."""

@@ -9,25 +9,21 @@ observations alone say.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.errors import SingularSystemError
 from obseq.leastsquares.diagnosis.free_motions import COMBINED, SHAPE
 from obseq.printable import listed
+from obseq.records.adjustment import MotionRecord
 from obseq.survey.adjustment.singular import free_motions
+from obseq.survey.equations.equations import Equations
+from obseq.survey.initial.left_out import Determined
 from obseq.survey.kinds.registry import codes_where
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.records.adjustment import MotionRecord
-    from obseq.survey.equations.equations import Equations
-    from obseq.survey.initial.left_out import Determined
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 NONE = "no precisions of inner constraints: without the known coordinates and the azimuths, "
 """How the reasons begin for which there are none."""

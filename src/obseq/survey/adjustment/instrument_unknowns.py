@@ -5,23 +5,17 @@ Observations of no named instrument are those of one instrument in each of their
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.errors import InputError
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.registry import UNKNOWNS, WITH_UNKNOWNS, codes_with
-from obseq.survey.model import Group, GroupKind, Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from obseq.arrays import BoolArray
-    from obseq.survey.kinds.kind import ObservationKind
-    from obseq.survey.model import FieldBook
-
+from obseq.survey.model import FieldBook, Group, GroupKind, Orientation
 
 SCALED = codes_with("frame-scale")
 """Of components in the axes of a station, by code, the code of those with a scale."""

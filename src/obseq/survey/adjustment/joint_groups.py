@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
+from obseq.leastsquares import Batch
 from obseq.leastsquares.statistics.joint_levels import joint_critical, joint_level
-from obseq.records.quality import KNOWN, JointTestRecord
+from obseq.leastsquares.statistics.reliability import Reliability
+from obseq.records.quality import KNOWN, JointTestRecord, ReliabilityRecord
+from obseq.survey.equations.equations import Equations
+from obseq.survey.equations.known_coordinates import CoordinateResiduals
 from obseq.survey.kinds.registry import AXIS_OF_VECTOR, IS_ANGLE
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import Batch
-    from obseq.leastsquares.statistics.reliability import Reliability
-    from obseq.records.quality import ReliabilityRecord
-    from obseq.survey.equations.equations import Equations
-    from obseq.survey.equations.known_coordinates import CoordinateResiduals
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 
 @dataclass(frozen=True, eq=False)

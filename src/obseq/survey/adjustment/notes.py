@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
 from obseq.printable import listed
-from obseq.survey.equations.frame import MEAN_RADIUS
+from obseq.records.adjustment import MotionRecord
+from obseq.survey.equations.equations import Equations
+from obseq.survey.equations.frame import MEAN_RADIUS, Frame
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.kinds.registry import among, codes_where
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.records.adjustment import MotionRecord
-    from obseq.survey.equations.equations import Equations
-    from obseq.survey.equations.frame import Frame
-    from obseq.survey.equations.point_system import PointSystem
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 MILLIGON = np.pi / 200_000.0
 LEAST_NEGLECTED = 1e-6

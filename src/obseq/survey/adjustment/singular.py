@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.errors import InputError, SingularSystemError
 from obseq.graphs import parts
+from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.diagnosis.free_motions import find_motions
 from obseq.leastsquares.diagnosis.singular import grouped
 from obseq.records.adjustment import MotionRecord
+from obseq.survey.equations.equations import Equations
 from obseq.survey.equations.instruments import station_names
 from obseq.survey.equations.loose_motions import UNDETERMINED
+from obseq.survey.initial.initial_values import InitialValues
+from obseq.survey.initial.left_out import Determined
 from obseq.survey.initial.unplaced import ISOLATED, Unplaced
 from obseq.survey.kinds.registry import IS_ANGLE, among, codes_where
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares import LeastSquares
-    from obseq.survey.equations.equations import Equations
-    from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.initial.left_out import Determined
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 DECIMALS = 4
 """Of moves, whose largest is 1."""

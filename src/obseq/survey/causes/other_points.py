@@ -28,13 +28,13 @@ def _sights(effects: Effects, row: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _polar(vectors: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Azimuths (from any zero), zenith angles and lengths of vectors (k, 3)."""
+    """Azimuths (from any zero), zenith angles and lengths of vectors (..., 3)."""
     rise = vectors @ up
     first = np.cross(up, (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0))
     first = first / np.linalg.norm(first)
     second = np.cross(up, first)
     azimuths = -np.arctan2(vectors @ second, vectors @ first)  # clockwise
-    lengths = np.linalg.norm(vectors, axis=1)
+    lengths = np.linalg.norm(vectors, axis=-1)
     return azimuths, np.arctan2(np.sqrt(np.maximum(lengths**2 - rise**2, 0.0)), rise), lengths
 
 
@@ -104,27 +104,22 @@ def other_standpoint(effects: Effects, rows: IntArray, sigmas: FloatArray) -> in
         return None
     up = effects.up[rows[0]]
     raised = (observations.to_heights[rows] - observations.from_heights[rows])[:, None] * up
-    best, least = None, _FITS
-    for point in range(len(places)):
-        if point == origin or point in targets:
-            continue
-        azimuths, zeniths, lengths = _polar(places[targets] - places[point] + raised, up)
-        off = np.zeros(len(rows))
-        for mask, read in (
-            (notes.is_direction, azimuths),
-            (notes.is_zenith, zeniths),
-            (notes.is_slope, lengths),
-        ):
-            own = mask[rows]
-            off[own] = observations.values[rows[own]] - read[own]
-        own = notes.is_direction[rows]
-        if own.any():
-            turn = np.angle(np.exp(1j * (off[own] - off[own][0])))
-            off[own] = turn - np.median(turn)
-        off[notes.is_zenith[rows]] = np.angle(np.exp(1j * off[notes.is_zenith[rows]]))
-        angular = IS_ANGLE[observations.types[rows]]
-        spread = np.where(angular, _PRISM / np.maximum(lengths, 1e-3), _PRISM)
-        worst = float(np.max(np.abs(off) / np.hypot(sigmas, spread)))
-        if worst < least:
-            best, least = point, worst
-    return best
+    azimuths, zeniths, lengths = _polar(places[targets] + raised - places[:, None], up)
+    off = np.zeros_like(lengths)
+    for mask, read in (
+        (notes.is_direction, azimuths),
+        (notes.is_zenith, zeniths),
+        (notes.is_slope, lengths),
+    ):
+        own = mask[rows]
+        off[:, own] = observations.values[rows[own]] - read[:, own]
+    own = notes.is_direction[rows]
+    if own.any():
+        turn = np.angle(np.exp(1j * (off[:, own] - off[:, own][:, :1])))
+        off[:, own] = turn - np.median(turn, axis=1, keepdims=True)
+    off[:, notes.is_zenith[rows]] = np.angle(np.exp(1j * off[:, notes.is_zenith[rows]]))
+    spread = np.where(IS_ANGLE[observations.types[rows]], _PRISM / np.maximum(lengths, 1e-3), _PRISM)
+    worst = np.nan_to_num(np.max(np.abs(off) / np.hypot(sigmas, spread), axis=1), nan=np.inf)
+    worst[[origin, *targets]] = np.inf
+    best = int(np.argmin(worst))
+    return best if worst[best] < _FITS else None

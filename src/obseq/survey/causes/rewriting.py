@@ -73,6 +73,14 @@ REWRITINGS = (
     Rewriting("S200", "W100", "unit of angles", "degrees read as gon", _angles, _scaled(10.0 / 9.0)),
     Rewriting("S200", "W101", "unit of angles", "gon read as degrees", _angles, _scaled(0.9)),
     Rewriting(
+        "S200",
+        "W100",
+        "unit of zenith angles",
+        "degrees read as gon",
+        lambda notes: notes.is_zenith & (_angles(notes) & ~notes.is_zenith).any(),
+        _scaled(10.0 / 9.0),
+    ),
+    Rewriting(
         "S201",
         "W103",
         "elevations",

@@ -38,6 +38,7 @@ class Trial:
         rewriting: The mistake.
         model: The network without it.
         left: Contradictions, counted softly.
+        count: The same one by one.
         given: The mistake before it was tried.
         others: Mistakes that explain as much.
     """
@@ -45,6 +46,7 @@ class Trial:
     rewriting: Rewritten
     model: NetworkModel
     left: float
+    count: int
     given: Rewritten
     others: tuple[Rewritten, ...] = ()
 
@@ -60,7 +62,7 @@ def best_rewriting(model: NetworkModel, begin: Begin, *, is_many: bool) -> Trial
         is_many: Whether many single errors were found, however few observations they are.
     """
     found = model.contradictions(model.robust())
-    before, is_off, known_off = found
+    _, is_off, known_off = found
     shares = [one.mean() for one in (is_off, known_off) if one.size]
     if not is_many and max(shares) < POLICY.share:
         return None
@@ -82,7 +84,8 @@ def best_rewriting(model: NetworkModel, begin: Begin, *, is_many: bool) -> Trial
     best = _best(part, lambda points, book: begin(*part_of(points, book, kept)), seen, some)
     whole = None if best is None else _begun(model, begin, best.given)
     trial = None if best is None or whole is None else _tried(model, best.given, whole)
-    if best is None or trial is None or trial.left >= POLICY.better * before:
+    before = sum(map(np.count_nonzero, (is_off, known_off)))  # soft counts of so many are mostly noise
+    if best is None or trial is None or trial.count >= POLICY.better * before:
         return None
     return replace(trial, others=best.others)
 
@@ -120,6 +123,8 @@ def _best(
 def part_that_shows(notes: Notes, off_points: IntArray, most: int) -> BoolArray | None:
     """(k,) the points about the worst with so many observations, and those that join them to known ones.
 
+    About few known points that nearly nothing agrees with, too: each may have the name of another.
+
     Args:
         notes: The network.
         off_points: (k,) how many contradictions each point has.
@@ -130,12 +135,15 @@ def part_that_shows(notes: Notes, off_points: IntArray, most: int) -> BoolArray 
         return None
     n = len(notes.points)
     ends = rows.from_points[rows.active], rows.to_points[rows.active]
-    order, before = outwards(n, *ends, int(np.argmax(off_points)))
+    is_known: BoolArray = np.any(~notes.points.is_free, axis=1)
+    counts = notes.book.counts(rows.active, n)
+    (astray,) = np.nonzero(is_known & (off_points > POLICY.whole * counts))
+    others = astray if len(astray) <= POLICY.most else astray[:0]
+    order, before = outwards(n, *ends, np.append(int(np.argmax(off_points)), others))
     rank = np.full(n, n)
     rank[order] = np.arange(len(order))
     cut = min(int(np.sort(np.maximum(rank[ends[0]], rank[ends[1]]))[most]), n - 1)
     kept = np.less_equal(rank, cut)
-    is_known: BoolArray = np.any(~notes.points.is_free, axis=1)
     for point in order[is_known[order]][: POLICY.most].tolist():
         while not kept[point]:
             kept[point] = True
@@ -199,7 +207,7 @@ def _tried(model: NetworkModel, one: Rewritten, other: NetworkModel) -> Trial | 
     """A network without a mistake; None where it cannot be computed, or that is not what is wrong."""
     try:
         place = other.robust()
-        left, _, _ = other.contradictions(place)
+        left, *off = other.contradictions(place)
     except ObseqError:
         return None
     counts = (int(np.count_nonzero(net.given.book.observations.active)) for net in (model, other))
@@ -207,4 +215,6 @@ def _tried(model: NetworkModel, one: Rewritten, other: NetworkModel) -> Trial | 
     told = one.told(_in_order(one.points, other.given.points, place.coordinates))
     if told is None:
         return None
-    return Trial(replace(one, text=f"{one.text}{told}"), other, left + max(lost, 0), given=one)
+    lost = max(lost, 0)
+    count = lost + sum(map(int, map(np.count_nonzero, off)))
+    return Trial(replace(one, text=f"{one.text}{told}"), other, left + lost, count, given=one)

@@ -9,23 +9,19 @@ cofactors Q of the displacements d.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.diagnosis.free_motions import SHAPE
 from obseq.leastsquares.statistics.distributions import chi_square_limit, chi_square_tails
 from obseq.records.comparison import TestRecord
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.epochs.displacements import Displacements
+from obseq.survey.adjustment.adjusted import Adjustment
+from obseq.survey.epochs.displacements import Displacements
 
 RANK = 1e-9
 """Share of the largest eigenvalue below which a direction counts as known exactly."""

@@ -9,17 +9,14 @@ covariance of what both know alike), and the cofactors of the displacements are 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.epochs.known_points import cofactors, common, given
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.adjustment.adjusted import Adjustment
 
 MOST_POINTS = 3000
 

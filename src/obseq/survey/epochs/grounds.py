@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import structs
 
 from obseq.printable import listed
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_records import global_test_record
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
-
-    from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.model import Observations
+from obseq.survey.model import Observations
 
 MOST = 8
 """Names that one sentence lists."""

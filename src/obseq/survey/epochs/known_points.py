@@ -8,15 +8,17 @@ plan does not count.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import ObseqError
 from obseq.stopwatch import Stopwatch
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.datum import Datum, DatumKind, freed, without_azimuths
 from obseq.survey.adjustment.inner import require_whole
@@ -26,15 +28,8 @@ from obseq.survey.equations.frame import Frame
 from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.initial.initial_values import values_by
 from obseq.survey.initial.left_out import Determined
-from obseq.survey.model import join
+from obseq.survey.model import Points, join
 from obseq.survey.sights.graph_building import Graphs
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.model import Points
 
 ITERATIONS = 25
 TOLERANCE = 1e-6

@@ -7,18 +7,14 @@ above its point moves by w x h u, u along its plumb line.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.leastsquares.problem.shapes import Move
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from obseq.arrays import FloatArray
-    from obseq.survey.equations.families import Family
-    from obseq.survey.equations.site import NetworkSite
+from obseq.survey.equations.families import Family
+from obseq.survey.equations.site import NetworkSite
 
 FIRST = "station.centre", "station", "origin", "point"
 """What the equations call the point that they are observed from."""

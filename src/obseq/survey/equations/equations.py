@@ -2,39 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obseq.leastsquares import Batch, LeastSquares
+from obseq.arrays import FloatArray, IntArray
+from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
 from obseq.leastsquares.assembly.evaluation import raw_residuals
 from obseq.leastsquares.problem.linear import linear_batch
 from obseq.leastsquares.problem.shapes import formula_shape
 from obseq.survey.equations.carried import moves_of
 from obseq.survey.equations.families import Family, family_of, present, rows_by_family
+from obseq.survey.equations.frame import Frame
 from obseq.survey.equations.instruments import Instruments
 from obseq.survey.equations.joint_rows import GROUP, JointRows
 from obseq.survey.equations.known_coordinates import SAME_PLACE, KnownCoordinates
 from obseq.survey.equations.loose_motions import loose_motions
 from obseq.survey.equations.plumb import Plumb
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.equations.shared_unknowns import SharedUnknowns
 from obseq.survey.equations.site import NetworkSite
+from obseq.survey.initial.initial_values import InitialValues
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE, among, codes_where
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import LeastSquaresResult
-    from obseq.survey.equations.frame import Frame
-    from obseq.survey.equations.point_system import PointSystem
-    from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.kinds.kind import ObservationKind
-    from obseq.survey.model import Cluster, FieldBook, Points
-
+from obseq.survey.model import Cluster, FieldBook, Orientation, Points
 
 WITH_OFFSETS = "Off"
 """What ends the name of a formula that takes offsets of instrument and target."""

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
+from obseq.arrays import Array, IntArray
 from obseq.dataclass import dataclass
+from obseq.survey.kinds.kind import ObservationKind
 from obseq.survey.kinds.registry import BY_CODE, FAMILIES, among
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from obseq.arrays import Array, IntArray
-    from obseq.survey.kinds.kind import ObservationKind
-    from obseq.survey.model import Observations
+from obseq.survey.model import Observations
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray, IndexArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.equations.surroundings import Recent, Surroundings
 from obseq.survey.kinds.registry import BY_CODE
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray, IndexArray, IntArray
-    from obseq.survey.model import FieldBook, Points
-
+from obseq.survey.model import FieldBook, Points
 
 RTL_HINT = "compute in a local tangent frame (--frame RTL*X0*Y0*Z0*DEFINITION)"
 MEAN_RADIUS = 6371008.8

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.leastsquares import LeastSquares, LeastSquaresResult
 from obseq.leastsquares.problem.manifolds import PLUMB
+from obseq.survey.equations.plumb import Plumb
+from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.orienting import plumb_rotation
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares import LeastSquares, LeastSquaresResult
-    from obseq.survey.equations.plumb import Plumb
-    from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Orientation, Points
 
 FROZEN_TURNS = {Orientation.FIX: (0, 1, 2), Orientation.VERT: (0, 1)}
 """Components of the small rotation (right, front, up) that an orientation keeps."""

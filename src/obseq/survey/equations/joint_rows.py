@@ -6,18 +6,14 @@ linearisation, from batches that have no influence themselves.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
+from obseq.leastsquares import Batch, LeastSquares
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import Batch, LeastSquares
 
 GROUP = "correlated"
 """What the sum of squares of such observations is called."""

@@ -6,17 +6,14 @@ who is in which equation. For a small network these take longer to build and to 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import Array, BoolArray
-    from obseq.survey.equations.equations import Equations
-    from obseq.survey.initial.left_out import Determined
-    from obseq.survey.model import Observations, Points
+from obseq.arrays import Array, BoolArray
+from obseq.survey.equations.equations import Equations
+from obseq.survey.initial.left_out import Determined
+from obseq.survey.model import Observations, Points
 
 _OF_EQUATIONS = ("types", "from_points", "to_points", "stations", "groups", "backsights")
 """Columns of the observations from which it follows who is in which equation."""

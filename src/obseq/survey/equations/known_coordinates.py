@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
+from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.equations.surroundings import Recent
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
-    from obseq.survey.equations.point_system import PointSystem
-    from obseq.survey.model import Points
-
+from obseq.survey.model import Points
 
 GROUP = "points"
 """The group of the constraints on coordinates, which MMVII's sigma0 leaves out."""

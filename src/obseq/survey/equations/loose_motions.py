@@ -8,28 +8,24 @@ standard deviation is beyond a share of the size of the network. The rest is det
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import graphs
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import SingularMatrixError, SingularSystemError
+from obseq.leastsquares import LeastSquares
 from obseq.leastsquares.assembly.evaluation import jacobian_rows
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.diagnosis.singular import undetermined_error
 from obseq.leastsquares.iterations.constraints import held_rows
 from obseq.leastsquares.iterations.datum_solver import DatumSolver
+from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.solvers import choose_solver
 from obseq.survey.equations.frame import MEAN_RADIUS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares import LeastSquares
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.problem.batches import Batch
 
 UNDETERMINED = 0.01
 """Standard deviation of a motion, as a share of the size of the network, from which it is not determined.

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
+from obseq.arrays import FloatArray, IndexArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.geometry import rotation_x, rotation_y
-from obseq.survey.equations.frame import RTL_HINT
+from obseq.survey.equations.frame import RTL_HINT, Frame
 from obseq.survey.kinds.registry import among, codes_where
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from obseq.arrays import FloatArray, IndexArray, IntArray
-    from obseq.survey.equations.frame import Frame
-    from obseq.survey.model import FieldBook, Points
-
+from obseq.survey.model import FieldBook, Orientation, Points
 
 LISTED = 8
 """Names given in a message before it says how many more there are."""

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-
 
 STEP = 50.0
 """Step (m) of the differences of the fourth order that give derivatives: rounding stays below 1e-10."""

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
+from obseq.leastsquares import LeastSquares, LeastSquaresResult
+from obseq.survey.kinds.kind import Shared, Site
 from obseq.survey.kinds.registry import BY_CODE
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares import LeastSquares, LeastSquaresResult
-    from obseq.survey.kinds.kind import Shared, Site
-    from obseq.survey.model import FieldBook
-
+from obseq.survey.model import FieldBook
 
 UNITS = {"constant": " m", "scale": "", "refraction": ""}
 """Units of the unknowns of instruments, which results tell."""

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.survey.equations.frame import Frame
+from obseq.survey.equations.instruments import Instruments
+from obseq.survey.equations.plumb import Plumb
+from obseq.survey.equations.shared_unknowns import SharedUnknowns
+from obseq.survey.kinds.kind import Place
 from obseq.survey.kinds.registry import IS_ANGLE
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.equations.frame import Frame
-    from obseq.survey.equations.instruments import Instruments
-    from obseq.survey.equations.plumb import Plumb
-    from obseq.survey.equations.shared_unknowns import SharedUnknowns
-    from obseq.survey.kinds.kind import Place
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook, Orientation
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Generic, TypeVar
+from collections.abc import Callable
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.cached import cached_property
 from obseq.kernels.calculator import calculator
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray
 
 Found = TypeVar("Found")
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from obseq.survey.initial.candidates import (
     Candidate,
@@ -14,16 +15,10 @@ from obseq.survey.initial.candidates import (
     survey_surroundings,
     unique_positions,
 )
-from obseq.survey.initial.closed_forms import minus, plus
-from obseq.survey.initial.known import times, transposed_times
+from obseq.survey.initial.closed_forms import Space, minus, plus
+from obseq.survey.initial.known import Known, times, transposed_times
 from obseq.survey.initial.refinement import Refined, agreeing, contradictions, refine
 from obseq.survey.initial.relations import Relation, disagreement
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.known import Known
 
 _MARGIN = 0.3
 """Disagreement by which a position must be worse than another to be set aside."""

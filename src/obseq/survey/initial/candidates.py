@@ -8,20 +8,16 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import field
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial import closed_forms as forms
-from obseq.survey.initial.closed_forms import minus, plus
+from obseq.survey.initial.closed_forms import Plane, Space, minus, plus
 from obseq.survey.initial.known import Known, Matrix, times, transposed_times
 from obseq.survey.initial.relations import Measured, Relation
 from obseq.survey.sights.sights import direction
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.survey.initial.closed_forms import Plane, Space
 
 Item = TypeVar("Item")
 

@@ -16,17 +16,19 @@ from __future__ import annotations
 
 import gc
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.arguments import FUNCTION, NOTHING, TRUTH, expecting, instance
+from obseq.arrays import BoolArray, FloatArray, FloatRows
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.survey.initial.approximations import Approximations, replaced
+from obseq.survey.initial.closed_forms import Space
 from obseq.survey.initial.known import Known, Vertical
 from obseq.survey.initial.local_frames import LocalFrames
 from obseq.survey.initial.orienting import g0_of, plumb_rotation, reconcile, verticals_of_stations
@@ -35,16 +37,9 @@ from obseq.survey.initial.rivals import Choice, Contest, contest_of, start_rival
 from obseq.survey.initial.unplaced import Unplaced, explain_points, explain_stations
 from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 from obseq.survey.sights.graph_building import Graphs, is_large
-from obseq.survey.sights.sights import GIVEN, Steps
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, FloatRows
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.sights import Cause, Step
-    from obseq.survey.sights.ways import PlumbWays
+from obseq.survey.sights.sight_graph import SightGraph
+from obseq.survey.sights.sights import GIVEN, Cause, Step, Steps
+from obseq.survey.sights.ways import PlumbWays
 
 _MOST_LISTED = 20
 _SIGMA_OF_APPROXIMATE = 10.0

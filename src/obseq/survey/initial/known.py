@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from obseq.arrays import FloatArray
+from obseq.arrays import BoolArray, FloatArray, FloatRows
 from obseq.crs.normals import Normals
 from obseq.errors import InputError
 from obseq.survey.initial.closed_forms import Space, minus, plus, scaled
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatRows
-    from obseq.survey.sights.sights import Cause
+from obseq.survey.sights.sights import Cause
 
 Matrix = tuple[Space, Space, Space]
 """A 3 x 3 matrix by rows, as plain numbers: single points are computed faster without arrays."""

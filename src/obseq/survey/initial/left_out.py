@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.records.adjustment import LeftOutRecord
+from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.plan_only import are_in_plan_only
 from obseq.survey.initial.rivals import unknown_zeros
 from obseq.survey.initial.unplaced import Unplaced
 from obseq.survey.kinds.registry import codes_where
-from obseq.survey.model import group_by_station
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.arrays import BoolArray
-    from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.model import FieldBook, IntArray, Points
+from obseq.survey.model import FieldBook, IntArray, Points, group_by_station
 
 _ONLY_LEVELLED = (
     ", or, if it is only levelled, give it flag 4 in its COR file (5 when its height is known), which holds "

@@ -10,30 +10,23 @@ of tilted set-ups is first turned upright by the heights of its points.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.survey.initial.closed_forms import minus, plus, wrap
+from obseq.survey.initial.closed_forms import Space, minus, plus, wrap
 from obseq.survey.initial.known import Known, times, transposed_times
 from obseq.survey.initial.orienting import LEAST_SPREAD
 from obseq.survey.initial.placement import Level, Placement
 from obseq.survey.initial.relations import central_angle
-from obseq.survey.initial.tilted_frames import bodies, uprights
+from obseq.survey.initial.tilted_frames import Body, bodies, uprights
 from obseq.survey.model import Orientation
-from obseq.survey.sights.sights import Step, step_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.arrays import FloatArray
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.tilted_frames import Body
-    from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.sights import Sight
-    from obseq.survey.sights.ways import PlumbWays
+from obseq.survey.sights.sight_graph import SightGraph
+from obseq.survey.sights.sights import Sight, Step, step_of
+from obseq.survey.sights.ways import PlumbWays
 
 _LEVELS = (Level(1.0, 0.01), Level(math.inf, math.inf))
 _FLAT_LEVELS = (Level(math.inf, math.inf, uses_hints=True),)

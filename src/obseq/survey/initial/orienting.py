@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IntArray
 from obseq.dataclass import dataclass
 from obseq.geometry import closest_rotation, isometry, rotation_z
-from obseq.survey.initial.closed_forms import plus, scaled
+from obseq.survey.initial.closed_forms import Space, plus, scaled
 from obseq.survey.initial.known import Known, Matrix, as_matrix
 from obseq.survey.initial.relations import free_direction
 from obseq.survey.model import Orientation
+from obseq.survey.sights.sight_graph import SightGraph
 from obseq.survey.sights.sights import Step
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IntArray
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.sights.sight_graph import SightGraph
 
 _SAMPLE = 9
 """Sights of a station that are compared with each other."""

@@ -10,20 +10,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import BY_CODE, among, codes_where
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Orientation, Points
 
 UNIT = 100.0
 """Metres between the first two points of a network without any distance."""

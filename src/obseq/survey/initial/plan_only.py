@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import among, codes_for
-from obseq.survey.model import Orientation, automatic_fix
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Orientation, Points, automatic_fix
 
 _IN_PLAN = Start.HZ, Start.ANGLE, Start.FLAT, Start.DX, Start.DY
 """What, read in a horizon, sees of a height no more than the curvature of the Earth lets through."""

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from obseq.dataclass import dataclass
 from obseq.survey.initial.closed_forms import TURN, Space, minus, scaled, wrap
 from obseq.survey.initial.known import Known, Matrix, times, transposed_times
 from obseq.survey.model import Orientation
-from obseq.survey.sights.sights import direction
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.sights import Sight
+from obseq.survey.sights.sight_graph import SightGraph
+from obseq.survey.sights.sights import Sight, direction
 
 _LOSS_SCALE = 0.005
 """Relative misfit (rad, or metres per metre) beyond which a relation speaks against a position."""

@@ -6,23 +6,19 @@ that has more observations than unknowns is not left out for that.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.dataclass import dataclass
+from obseq.survey.initial.closed_forms import Space
+from obseq.survey.initial.placement import Placement
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import among, codes_for
-from obseq.survey.model import Orientation
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from obseq.arrays import BoolArray
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.placement import Placement
-    from obseq.survey.model import FieldBook, IntArray, Points
+from obseq.survey.model import FieldBook, IntArray, Orientation, Points
 
 Orientations: TypeAlias = "np.ndarray[tuple[int], np.dtype[np.int8]]"
 """(m,) values of `Orientation`, one for each station."""

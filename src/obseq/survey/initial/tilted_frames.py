@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.geometry import isometry
 from obseq.survey.initial.orienting import LEAST_SPREAD, centred, spread
 from obseq.survey.initial.relations import free_direction
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.survey.sights.sight_graph import SightGraph
+from obseq.survey.sights.sight_graph import SightGraph
 
 
 class Body(NamedTuple):

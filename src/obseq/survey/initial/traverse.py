@@ -12,23 +12,17 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
-from obseq.survey.initial.closed_forms import minus, plus, wrap
-from obseq.survey.initial.known import times, transposed_times, turned
+from obseq.survey.initial.closed_forms import Space, minus, plus, wrap
+from obseq.survey.initial.known import Known, times, transposed_times, turned
 from obseq.survey.model import Orientation
-from obseq.survey.sights.sights import GIVEN, Step
+from obseq.survey.sights.sight_graph import SightGraph
+from obseq.survey.sights.sights import GIVEN, Cause, Step
 from obseq.survey.sights.ways import PlumbWays, Views, Ways, find_ways
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.known import Known
-    from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.sights import Cause
 
 _DRIFT = 3.0
 """Spreads of points that were not given are enlarged by this factor: their errors are not independent."""

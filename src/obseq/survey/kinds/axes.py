@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.geometry.circles import axis_of
-from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Shared
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.kinds.kind import Site
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Shared, Site
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.directions import ZEN
-from obseq.survey.kinds.kind import ObservationKind, Shared, Start
+from obseq.survey.kinds.kind import ObservationKind, Shared, Site, Start
 from obseq.survey.kinds.lengths import DIST, DIST_HZ
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.kinds.kind import Site
 
 SHORTEST = 1e-9
 """Length (m) that stands for shorter ones in a division."""

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import ObservationKind, Shared, Start
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.kinds.kind import Site
+from obseq.survey.kinds.kind import ObservationKind, Shared, Site, Start
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import FirstPlace, ObservationKind
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.kinds.kind import Site
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Site
 
 
 @dataclass(frozen=True)

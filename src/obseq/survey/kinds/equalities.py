@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import ObservationKind, Shared
+from obseq.survey.kinds.kind import ObservationKind, Shared, Site
 from obseq.survey.kinds.lengths import DH
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.kinds.kind import Site
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.kinds.kind import ObservationKind
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.kernels import Kernel
-    from obseq.survey.kinds.kind import Site
+from obseq.kernels import Kernel
+from obseq.survey.kinds.kind import ObservationKind, Site
 
 MOST_POINTS = 3
 UNITS = ("m", "rad")

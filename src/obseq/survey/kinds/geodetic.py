@@ -5,17 +5,12 @@ Their equations are linear rows that are made anew wherever the points go.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.crs.refraction import EQUATORIAL_RADIUS, SQUARED_ECCENTRICITY
 from obseq.dataclass import dataclass
-from obseq.survey.kinds.kind import FirstPlace, ObservationKind
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.kinds.kind import Site
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Site
 
 
 def curvatures(

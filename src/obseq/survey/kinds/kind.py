@@ -5,15 +5,13 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.kernels import Kernel
+from obseq.kernels import Kernel
 
 FULL_TURN = 2.0 * math.pi * (1.0 + 1e-12)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from obseq.errors import InputError
-from obseq.kernels import load
+from obseq.kernels import Kernel, load
 from obseq.survey.kinds.axes import AXIS_LINK, AXIS_PLANE, AXIS_RADIUS
 from obseq.survey.kinds.calibrated import (
     DIST_CONSTANT,
@@ -26,14 +26,9 @@ from obseq.survey.kinds.directions import ALPHA, ANGLE, AZIM, BETA, HZ, ZEN
 from obseq.survey.kinds.equalities import EQUAL_DH, EQUAL_DIST
 from obseq.survey.kinds.formulas import FormulaKind, kind_of
 from obseq.survey.kinds.geodetic import CHORD, GEO_X, GEO_Y, GEO_Z, HEIGHT, LATITUDE, LONGITUDE
+from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Start
 from obseq.survey.kinds.lengths import DH, DIST, DIST_HZ, DIST_HZ0
 from obseq.survey.kinds.vectors import LOCAL_X, LOCAL_Y, LOCAL_Z, VECTOR, VECTOR_Y, VECTOR_Z
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.kernels import Kernel
-    from obseq.survey.kinds.kind import FirstPlace, ObservationKind, Start
 
 KINDS: tuple[ObservationKind, ...] = (
     *(DIST, DH, HZ, AZIM, ZEN, DX, DY, DZ),

@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import structs
 
 from obseq.arguments import FUNCTION, NOTHING, NUMBER, SEED, TRUTH, WHOLE, WORDS, expecting, instance
+from obseq.arrays import BoolArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.records.adjustment import ConstraintRecord
-from obseq.records.plan import GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
+from obseq.records.adjustment import AdjustmentRecord, ConstraintRecord
+from obseq.records.plan import DrawsRecord, GainRecord, PlanRecord, WeakObservationRecord, WeakPointRecord
 from obseq.records.rows import Rows
+from obseq.stopwatch import Progress
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.adjustment.adjusted_records import finite_number
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.kinds.registry import BY_CODE
 from obseq.survey.network import Network
 from obseq.survey.planning.gains import candidates, gains
 from obseq.survey.planning.simulation import Simulation, compared, draw, placed
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-
-    from obseq.arrays import BoolArray
-    from obseq.records.adjustment import AdjustmentRecord
-    from obseq.records.plan import DrawsRecord
-    from obseq.stopwatch import Progress
-    from obseq.survey.adjustment.adjusted import Adjustment
 
 WEAKEST = 10
 NOTE = (

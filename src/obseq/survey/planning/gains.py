@@ -7,28 +7,22 @@ do not count, so that their rows are those of its unknowns.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
-from obseq.leastsquares.statistics.final_state import final_state
+from obseq.leastsquares import LeastSquaresResult
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.statistics.final_state import FinalState, final_state
 from obseq.records.plan import GainRecord
 from obseq.survey.equations.equations import Equations
+from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.model import GroupKind, group_by_station
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares import LeastSquaresResult
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.statistics.final_state import FinalState
-    from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.model import FieldBook, Observations
-    from obseq.survey.network import Network
+from obseq.survey.model import FieldBook, GroupKind, Observations, group_by_station
+from obseq.survey.network import Network
 
 FAINT = 1e8
 """What the sigmas of candidates are multiplied with: their share of a weight is below rounding."""

@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from obseq.arguments import NOTHING, SEED, TRUTH, expecting, instance
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, ObseqError
 from obseq.leastsquares.statistics.distributions import chi_square_tails
 from obseq.printable import listed
 from obseq.records.plan import DrawsRecord
+from obseq.stopwatch import Progress
+from obseq.survey.adjustment.adjusted import Adjustment
 from obseq.survey.equations.equations import Equations
 from obseq.survey.equations.plumb import Plumb
 from obseq.survey.initial.approximations import sentences_of
 from obseq.survey.initial.initial_values import InitialValues
 from obseq.survey.initial.orienting import plumb_rotation
 from obseq.survey.kinds.registry import BY_CODE
-from obseq.survey.model import Orientation, automatic_fix
+from obseq.survey.model import Orientation, Points, automatic_fix
 from obseq.survey.network import Network
 from obseq.survey.sights.sights import GIVEN
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.stopwatch import Progress
-    from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.model import Points
 
 TURN = 2.0 * np.pi
 

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.model import Orientation
-from obseq.survey.sights.sights import lengths
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.sights.sights import Sights
+from obseq.survey.sights.sights import Sights, lengths
 
 _OF_LINKS = ("is_plumb", "station_of", "origin_of", "target_of", "sights_from", "sights_to", "stations_at")
 """What graphs that differ in numbers only have in common."""

@@ -10,16 +10,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import field
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple, overload
+from typing import NamedTuple, overload
 
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IndexRows, IntArray, IntRows
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.kinds.kind import Start
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows, IndexRows, IntArray, IntRows
 
 Measure = tuple[float, int]
 """A measured value (m, rad) and the row of its observation."""

@@ -7,21 +7,17 @@ that it depends on no coordinates: all ways of many stations are computed at onc
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, FloatRows, IntArray, IntRows
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.survey.sights.sights import lengths
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, FloatRows, IntArray, IntRows
-    from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.sights import Sights
+from obseq.survey.sights.sight_graph import SightGraph
+from obseq.survey.sights.sights import Sights, lengths
 
 _MOST_STATIONS = 50
 """Stations that are linked through one common target."""

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from obseq.arrays import FloatArray
 from obseq.errors import SolverUnavailableError
 from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
-from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SymmetricPattern
 from obseq.leastsquares.solvers.rank import factor_stepwise
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 
 class Cholmod(BaseSolver):

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import weakref
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import Array, FloatArray, IntArray
 from obseq.errors import ObseqError, SolverUnavailableError
 from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
-from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SymmetricPattern
 from obseq.leastsquares.solvers.rank import factor_stepwise
-
-if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, IntArray
-    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
 POSITIVE_DEFINITE = 2

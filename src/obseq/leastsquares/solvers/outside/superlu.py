@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from scipy.sparse.linalg import SuperLU as Factor
 from scipy.sparse.linalg import splu
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.leastsquares.solvers.base import BaseSolver, inverse_by_columns
-from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SymmetricPattern
 from obseq.leastsquares.solvers.rank import factor_stepwise
-
-if TYPE_CHECKING:
-    from scipy.sparse.linalg import SuperLU as Factor
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
 
 
 class SuperLU(BaseSolver):
