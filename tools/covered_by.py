@@ -15,7 +15,7 @@ import json
 import os
 import sys
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +86,18 @@ def _shared(item: pytest.Item) -> list[str]:
     return sorted({_key(one) for found in known.values() for one in found if one.scope != "function"})
 
 
+@cache
+def _text(file: str) -> str:
+    path = ROOT / file
+    return path.read_text("utf-8") if path.exists() else ""
+
+
+def _is_there(test: str) -> bool:
+    """Whether a test stands in its file still."""
+    file, _, name = test.partition("::")
+    return f"def {name.partition('[')[0].rpartition('::')[2]}(" in _text(file)
+
+
 class Covered:
     """The map: which tests run a line."""
 
@@ -95,7 +107,8 @@ class Covered:
         self.tests: dict[str, tuple[float, list[str]]] = {}
         self.lines = CoverageData(no_disk=True)
         for path in sorted(MAP.glob("*.json")):
-            self.tests |= json.loads(path.read_text("utf-8"))
+            known = json.loads(path.read_text("utf-8"))
+            self.tests |= {name: entry for name, entry in known.items() if _is_there(name)}
             part = CoverageData(str(path.with_suffix("")))
             part.read()
             self.lines.update(part)
