@@ -15,14 +15,14 @@ import json
 import os
 import sys
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable
+    from collections.abc import Collection, Generator, Iterable
 
     from coverage import Coverage
 
@@ -86,18 +86,6 @@ def _shared(item: pytest.Item) -> list[str]:
     return sorted({_key(one) for found in known.values() for one in found if one.scope != "function"})
 
 
-@cache
-def _text(file: str) -> str:
-    path = ROOT / file
-    return path.read_text("utf-8") if path.exists() else ""
-
-
-def _is_there(test: str) -> bool:
-    """Whether a test stands in its file still."""
-    file, _, name = test.partition("::")
-    return f"def {name.partition('[')[0].rpartition('::')[2]}(" in _text(file)
-
-
 class Covered:
     """The map: which tests run a line."""
 
@@ -107,8 +95,7 @@ class Covered:
         self.tests: dict[str, tuple[float, list[str]]] = {}
         self.lines = CoverageData(no_disk=True)
         for path in sorted(MAP.glob("*.json")):
-            known = json.loads(path.read_text("utf-8"))
-            self.tests |= {name: entry for name, entry in known.items() if _is_there(name)}
+            self.tests |= json.loads(path.read_text("utf-8"))
             part = CoverageData(str(path.with_suffix("")))
             part.read()
             self.lines.update(part)
@@ -128,6 +115,10 @@ class Covered:
         """Tests of each line of a module, given by its path in the checkout."""
         contexts = self.lines.contexts_by_lineno(str(ROOT / module))
         return {line: self._tests(names) for line, names in contexts.items()}
+
+    def forget_others(self, there: Collection[str]) -> None:
+        """Forgets tests that are no more, or have other parameters than when they were measured."""
+        self.tests = {name: entry for name, entry in self.tests.items() if name in there}
 
     def seconds(self, test: str) -> float:
         """What a test takes of a processor."""

@@ -101,3 +101,14 @@ def test_kinds_are_what_they_are_of():
         assert [
             kind for kind, own in zip(CODES, getattr(notes, name), strict=True) if own
         ] == wanted.split(), name
+
+
+def test_the_first_sight_of_all_is_one_and_kinds_of_sights_are_not_mixed_up():
+    notes = notes_of(
+        ("Hz", 0, "B", "A", 0),
+        *((kind, -1, "B", target, 0) for target in "ACD" for kind in ("Dist", "DistHz", "DH")),
+        ("Hz", 0, "B", "A", 0),
+    )
+    assert notes.sights[0] == 0
+    assert len(set(notes.readings[:4].tolist())) == 1 and notes.readings[0] >= 0
+    assert notes.readings[10] not in notes.readings[:10] and len(set(notes.readings.tolist())) == 4
