@@ -222,7 +222,7 @@ class LinearTests:
         if more is not None:
             return self.given(more).with_less(self._own_columns(chosen))
         rest = next((key for key, held in known.items() if held < own), ())
-        before = self._given[rest] if rest else Given(np.zeros((0, len(self.shown))), self.shown, np.zeros(0))
+        before = self._given[rest] if rest else Given.nothing(self.shown)
         if not chosen:
             return before
         columns = self._own_columns([i for i in chosen if i not in rest])
@@ -237,7 +237,7 @@ class LinearTests:
         statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int32)
         statistic[self._single] = alone[self._at_single]
         for which, columns, grams in self._sets:
-            across = given.basis[:, columns].transpose(1, 0, 2)
+            across = given.basis(columns).transpose(1, 0, 2)
             left = np.nan_to_num(grams) - across.transpose(0, 2, 1) @ across
             found, rank, sizes = joint(left, given.shown[columns], self.policy.unseen)
             size = np.linalg.norm(sizes / self.norm[columns], axis=1)
@@ -247,7 +247,8 @@ class LinearTests:
             own = self.hypotheses.of(i)
             if i not in self._grams:
                 self._grams[i] = self._columns.gram(self.linear, own)
-            left = self._grams[i] - given.basis[:, own].T @ given.basis[:, own]
+            basis = given.basis(own)
+            left = self._grams[i] - basis.T @ basis
             found, rank, _ = joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
@@ -265,7 +266,7 @@ class LinearTests:
     def _left_of_weights(self, given: Given) -> FloatArray:
         """(k,) M of each column alone, the accepted hypotheses being unknowns."""
         self._weigh(given.shown)
-        return np.asarray(np.nan_to_num(self._weight) - np.einsum("ij,ij->j", given.basis, given.basis))
+        return np.asarray(np.nan_to_num(self._weight) - given.squares)
 
     def within(self, chosen: Sequence[int], index: int) -> IntArray:
         """Hypotheses of one column that are no more than special cases of one of several columns."""

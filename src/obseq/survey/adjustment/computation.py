@@ -77,6 +77,17 @@ class Computed:
         return None if quality.variance_components else (self.equations, self.adjustment.solution)
 
 
+    def continued(self, computation: Computation, *, strict: bool) -> Computed:
+        """The same after more iterations, if there is anything to find there."""
+        try:
+            after = computation.computed(self.start, self.equations, strict=strict)
+        except ObseqError:
+            return self
+        before, solution = self.adjustment.solution, after.adjustment.solution
+        solution = replace(solution, iterations=(*before.iterations, *solution.iterations))
+        return replace(after, adjustment=replace(after.adjustment, solution=solution))
+
+
 @dataclass(frozen=True)
 class Computation:
     """How networks are adjusted.
