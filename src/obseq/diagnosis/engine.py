@@ -169,6 +169,8 @@ class Search(Generic[Place]):
         while self._is_wanted() and self._places:
             self._from_next()
         best = self._best
+        if best is not None and best.is_accepted and not self._is_spent:
+            best = self._best = self._with_one_for_several(best)
         if best is None or not self._is_wanted():
             return best
         if best.is_accepted and not self._is_spent:
@@ -225,6 +227,18 @@ class Search(Generic[Place]):
         found = self._adapted(solution, is_robust=False)
         is_proved = found is not None and found.is_accepted and len(found.chosen) == 1
         return found if is_proved else None
+
+    def _with_one_for_several(self, best: Explanation[Place]) -> Explanation[Place]:
+        """The same from an adjustment with one row out in place of several: far off, one looks like many."""
+        other = best.tests.one_for_several(best.chosen) if len(best.chosen) > 1 else []
+        if len(other) >= len(best.chosen):
+            return best
+        try:
+            place, _ = self._adjusted(best.place, [change_of(best.tests, i) for i in other])
+        except ObseqError:
+            return best
+        found, _ = self._settled(place, (), is_robust=True)
+        return better(best, found) or best
 
     def _in_place_of_several(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a start without what is as good as each of several: far off, one error looks like many."""

@@ -292,6 +292,28 @@ class LinearTests:
             found = found[before < self.policy.begun]
         return list(map(int, found))
 
+    def one_for_several(self, chosen: Sequence[int]) -> list[int]:
+        """Some hypotheses, with one row in place of several of them that hide it: the one that explains most.
+
+        A row that nothing checks once they are accepted may be wrong in their place.
+        """
+        given, own = self.given(chosen), self._own_columns(chosen)
+        weight, unseen = np.nan_to_num(self._weight), self.policy.unseen
+        is_hidden = (weight > unseen) & (weight - given.squares <= unseen)
+        rows = [i for i in self._single[is_hidden[self._at_single]].tolist() if i not in set(chosen)]
+        rows = [i for i in rows if self.hypotheses.is_start[i]]
+        columns = self.hypotheses.columns[self.hypotheses.starts[rows]]
+        across = np.array([self._across[k][columns] for k in own.tolist()]).reshape(len(own), len(rows))
+        parts = np.abs(np.linalg.pinv(self._gram(own), unseen, hermitian=True) @ across)
+        is_part = parts > self.policy.share * parts.max(axis=0, initial=0.0)
+        now, others = list(chosen), []
+        for k in np.argsort(-(self.shown[columns] ** 2) / weight[columns], kind="stable").tolist():
+            held = set(own[is_part[:, k]].tolist())
+            instead = [i for i in now if not held.isdisjoint(self.hypotheses.of(i).tolist())]
+            if len(instead) > 1:
+                now, others = [i for i in now if i not in instead], [*others, rows[k]]
+        return [*now, *others]
+
     def rank(self, index: int) -> int:
         """Degrees of freedom of a hypothesis alone."""
         if self.hypotheses.q[index] == 1:

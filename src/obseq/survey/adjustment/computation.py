@@ -76,7 +76,6 @@ class Computed:
         """The equations and their solution, if that is the one of the given sigmas."""
         return None if quality.variance_components else (self.equations, self.adjustment.solution)
 
-
     def continued(self, computation: Computation, *, strict: bool) -> Computed:
         """The same after more iterations, if there is anything to find there."""
         try:
