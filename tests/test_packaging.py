@@ -237,6 +237,7 @@ assert main(["versions"]) == 0
 DEMO_FORMULAS = ("TopoHz", "TopoZen", "TopoDist")
 DEMO_LOOPS = (
     "obseq.leastsquares.assembly.small_loops",
+    "obseq.leastsquares.loops.accumulation",
     "obseq.leastsquares.loops.block_places",
     "obseq.leastsquares.loops.blocks_to_matrix",
     "obseq.leastsquares.loops.leverages",

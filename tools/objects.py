@@ -35,7 +35,7 @@ from obseq.kernels.loading import routine
 ROOT = Path(__file__).resolve().parents[1]
 LOOPS = {
     "obseq.kernels.tiles": ("call_kernel", "evaluate_jacobian", "evaluate_rows", "evaluate_values"),
-    "obseq.leastsquares.assembly.small_loops": ("add_batch", "evaluate_batch", "find_step"),
+    "obseq.leastsquares.assembly.small_loops": ("find_step",),
     "obseq.leastsquares.loops.accumulation": ("assemble", "evaluate"),
     "obseq.leastsquares.loops.block_places": ("list_pairs", "place_blocks"),
     "obseq.leastsquares.loops.blocks_to_matrix": (

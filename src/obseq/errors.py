@@ -152,6 +152,15 @@ def noting(notes: Iterable[str]) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def naming(where: object) -> Iterator[None]:
+    """Makes wrong input found inside say where it stands: a file, a line or an element."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """A name that means nothing, and the known ones most like it: the middle of a sentence about it."""
     if len(name) > LONGEST_NAME:

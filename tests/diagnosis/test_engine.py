@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from linear_model import Array, Linearly, N, U, columns, rows_of
 
-from obseq.diagnosis.engine import Search, diagnose, noise
+from obseq.diagnosis.engine import Search, diagnose
+from obseq.diagnosis.judgement import noise
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change

@@ -110,6 +110,14 @@ def test_workers_that_die_in_each_phase_change_nothing(expected, killing, monkey
     assert not killing
 
 
+def test_a_part_that_ends_each_worker_is_told():
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+        given = workers.Workers(1, None)
+    with pytest.raises(InputError, match=r"a part was lost with who treated it \(KilledWorker\)"):
+        given.result(given.submit(os._exit, 1))
+    given.close()
+
+
 def test_an_executor_of_dask_is_refused(client):
     with pytest.raises(InputError, match="give the Dask client in place of its executor"):
         in_blocks(client=client.get_executor())

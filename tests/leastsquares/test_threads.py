@@ -117,14 +117,14 @@ def test_an_interrupted_assembly_leaves_nothing_behind(tiny_shares, monkeypatch)
     system, *_ = mixed_system(10)
     shared = equations_of(system, 3)
     expected = equations_of(system, 1).assemble()
-    assemble_batch = shared._assemble_batch
+    room = shared._room
 
-    def interrupted(share, batch, *rest):
+    def interrupted(share, batch, table):
         if batch is shared.batches[2]:
             raise KeyboardInterrupt
-        return assemble_batch(share, batch, *rest)
+        return room(share, batch, table)
 
-    monkeypatch.setattr(shared, "_assemble_batch", interrupted)
+    monkeypatch.setattr(shared, "_room", interrupted)
     with pytest.raises(KeyboardInterrupt):
         shared.assemble()
     monkeypatch.undo()

@@ -87,6 +87,15 @@ def test_sights_near_the_vertical_and_other_set_ups_are_no_second_face(tmp_path)
     assert len(Network.read(obs, cor).book.observations) == 12
 
 
+@pytest.mark.parametrize(("written_as", "kept"), [(-3.5, -3.5), (-49.0, -49.0), (-51.0, 51.0), (-0.4, 0.4)])
+def test_an_elevation_below_the_horizon_is_no_second_face(tmp_path, written_as, kept):
+    """-96 gon is the second face of 96, -0.4 one of a plumb sight; -3.5 would be a sight into the sky."""
+    obs, cor = written(tmp_path)
+    obs.write_text(obs.read_text().replace("6 S A 101.5912", f"6 S A {written_as}"))
+    values = Network.read(obs, cor).book.observations.values
+    assert values[1] == pytest.approx(kept * np.pi / 200, abs=1e-12)
+
+
 def test_tables_and_files_of_other_programs_are_looked_at_too():
     known = {"name": ["A", "B", "C"], "x": [0, 200, 180], "y": [0, 0, 150], "z": [10, 14, 8]}
     rows = {"type": ["Hz"] * 4, "from": ["S"] * 4, "to": ["A", "B", "A", "B"], "sigma": [1e-5] * 4}

@@ -21,6 +21,8 @@ OF_MANY = [
     "all_in_degrees",
     "all_in_millimetres",
     "all_in_feet",
+    "all_elevations",
+    "all_elevations_in_degrees",
     "station_anticlockwise",
     "exchanged_known_points",
     "mistyped_coordinate",

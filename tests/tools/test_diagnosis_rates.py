@@ -36,6 +36,14 @@ def test_no_class_has_lost(name):
     assert "crash" in before["verdicts"] or not found.verdicts["crash"], found.said
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "seed"), [("block: control digit", 71010), ("site: target", 71008)])
+def test_what_no_start_leads_to_is_found_all_the_same(name, seed):
+    """A control point behind cameras; a point of two sights, one of which is to another."""
+    found = bench.rates(name, [seed])
+    assert found.verdicts == {"exact": 1}, found.plain()
+
+
 def test_few_right_ones_are_a_loss_only_where_chance_does_not_explain_them():
     assert least(100, 100, 60) == 57
     assert least(50, 100, 60) == 21

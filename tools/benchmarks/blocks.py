@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "scaling.md"
-POINTS, IMAGES = (10_000, 30_000, 100_000), (100, 400)
-WAYS = ("at once", "8 parts", "32 parts", "2 workers")
+POINTS, IMAGES = (10_000, 100_000), (100, 400)
+WAYS = ("at once", "8 parts", "2 workers")
 KILLED, STOPPED, RESUMED = "2 workers, killed", "2 workers, client killed", "2 workers, resumed"
 HEIGHT, BASE, STRIP, HALF, RAYS, TIED = 1000.0, 200.0, 400.0, 500.0, 5, 250
 PAPER = {"survey": (1_000_000, 10_000_000), "flight": (10_000, 100_000)}
@@ -214,8 +214,9 @@ def apart(first: Path, second: Path) -> str:
     return " ".join(f"{size:.0e}" for size in (sizes[0], share, *sizes[1:], units[0].max()))
 
 
-def measured(kind: str, sizes: Sequence[int], ways: Sequence[str]) -> str:
-    """The table of a kind."""
+def measured(kind: str, sizes: Sequence[int], ways: Sequence[str]) -> tuple[str, dict[int, Figures]]:
+    """The table of a kind; of each size, the figures of the last way in parts."""
+    runs: dict[int, Figures] = {}
     apart_of = "unknowns, variances, redundancies, tests apart; unit of the tests"
     head = [kind, "way", "CPU s", "times", "peak MB", apart_of]
     lines = [head, ["---"] * len(head)]
@@ -224,6 +225,8 @@ def measured(kind: str, sizes: Sequence[int], ways: Sequence[str]) -> str:
             files = [Path(folder) / f"{k}.npz" for k in range(len(ways))]
             figures = [run(kind, size, way, file) for way, file in zip(ways, files, strict=True)]
             for way, one, file in zip(ways, figures, files, strict=True):
+                if way.endswith("parts"):
+                    runs[size] = one
                 times = one["cpu"] / figures[0]["cpu"]
                 differences = "" if way == ways[0] else apart(files[0], file)
                 cells = [
@@ -236,7 +239,7 @@ def measured(kind: str, sizes: Sequence[int], ways: Sequence[str]) -> str:
                 ]
                 lines.append(cells)
                 print(*cells, *one["told"], sep=" | ", file=sys.stderr, flush=True)
-    return table(lines)
+    return table(lines), runs
 
 
 def table(lines: Sequence[Sequence[str]]) -> str:
@@ -244,12 +247,19 @@ def table(lines: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def laws(kind: str, sizes: Sequence[int]) -> dict[str, tuple[float, float]]:
-    """Of what a tree says of a size: value at the largest one, and exponent; a separator is a line: 0.5."""
-    found = [forecast(kind, size) for size in (sizes[0], sizes[-1])]
-    ratio = math.log(sizes[-1] / sizes[0])
-    powers = {key: math.log(found[1][key] / found[0][key]) / ratio for key in found[0]}
+def laws(kind: str, runs: dict[int, Figures]) -> dict[str, tuple[float, float]]:
+    """Of what a tree and a run say of a size: value at the largest one, and exponent; of a separator 0.5."""
+    first, last = min(runs), max(runs)
+    found = [forecast(kind, size) | {"cpu": runs[size]["cpu"]} for size in (first, last)]
+    powers = {key: math.log(found[1][key] / found[0][key]) / math.log(last / first) for key in found[0]}
     return {key: (found[1][key], power) for key, power in (powers | {"root": 0.5}).items()}
+
+
+def head_of(size: int, runs: dict[int, Figures]) -> float:
+    """MB of the process that asks: so many for each point or image, from the smallest run to the largest."""
+    first, last = min(runs), max(runs)
+    slope = (runs[last]["peak"] - runs[first]["peak"]) / (last - first)
+    return float(runs[last]["peak"] + slope * (size - last))
 
 
 def forecast(kind: str, size: int) -> dict[str, float]:
@@ -266,23 +276,21 @@ def forecast(kind: str, size: int) -> dict[str, float]:
     }
 
 
-def on_paper(kinds: dict[str, Sequence[int]]) -> str:
-    """What larger systems take, by laws from the smallest to the largest size that was analysed."""
-    head = ["", "matrix GB", "factor GB", "root", "root GB", "10^12 operations", "parts of 8 GB"]
+def on_paper(kinds: dict[str, dict[int, Figures]]) -> str:
+    """What larger systems take, by laws from the smallest to the largest size that was run."""
+    head = ["", "matrix GB", "factor GB", "root", "10^12 operations", "parts of 8 GB"]
+    head += ["CPU h", "disk GB an iteration", "head GB"]
     lines = [head, ["---"] * len(head)]
-    for kind, sizes in kinds.items():
-        found = laws(kind, sizes)
-        for size in (sizes[-1], *PAPER[kind]):
-            of = {key: value * (size / sizes[-1]) ** power for key, (value, power) in found.items()}
-            numbers = (
-                of["matrix"] / 1e9,
-                of["factor"] / 1e9,
-                of["root"],
-                8 * of["root"] ** 2 / 1e9,
-                of["flops"] / 1e12,
-            )
-            parts = max(1, math.ceil(ROOM * of["factor"] / 8e9))
-            lines.append([f"{kind} {size:,}", *(f"{number:,.3g}" for number in numbers), f"{parts:,}"])
+    for kind, runs in kinds.items():
+        found, last = laws(kind, runs), max(runs)
+        for size in (last, *PAPER[kind]):
+            of = {key: value * (size / last) ** power for key, (value, power) in found.items()}
+            matrix, factor = of["matrix"] / 1e9, of["factor"] / 1e9
+            parts = max(1, math.ceil(ROOM * factor / 8.0))
+            through = 2.0 * matrix + 3.0 * factor
+            numbers = (matrix, factor, of["root"], of["flops"] / 1e12, parts, of["cpu"] / 3600.0, through)
+            cells = [f"{number:,.3g}" for number in (*numbers, head_of(size, runs) / 1e3)]
+            lines.append([f"{kind} {size:,}", *cells])
     return table(lines)
 
 
@@ -310,13 +318,14 @@ def main() -> None:
     ways = [*options.ways, *([KILLED, RESUMED] if options.kill else [])]
     kinds = {"survey": sorted(options.points), "flight": sorted(options.images)}
     kinds = {kind: sizes for kind, sizes in kinds.items() if sizes}
-    tables = {"blocks": "\n\n".join(measured(kind, sizes, ways) for kind, sizes in kinds.items())}
-    if laws_of := {kind: sizes for kind, sizes in kinds.items() if len(sizes) > 1}:
+    found = {kind: measured(kind, sizes, ways) for kind, sizes in kinds.items()}
+    tables = {"blocks": "\n\n".join(text for text, _ in found.values())}
+    if laws_of := {kind: runs for kind, (_, runs) in found.items() if len(runs) > 1}:
         tables["paper"] = on_paper(laws_of)
     page = PAGE.read_text("utf-8")
-    for name, found in tables.items():
-        print(found, flush=True)
-        page = written(page, name, found, Path(__file__).name) if options.write else page
+    for name, text in tables.items():
+        print(text, flush=True)
+        page = written(page, name, text, Path(__file__).name) if options.write else page
     PAGE.write_text(page, "utf-8")
 
 

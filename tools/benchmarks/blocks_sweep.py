@@ -110,8 +110,19 @@ class Sweep:
         for name, worst in self.worst.items():
             print(f"{name}: {self.counts[name]} solutions, {len(self.beyond[name])} beyond {BOUND:g}")
             print("    largest differences:", rounded(worst))
+            print(f"    at most {self.times_one_machine(name):.1f} times {BOUND:g} and supernodal, by test")
             for test, apart in self.beyond[name]:
                 print("   ", test, rounded(apart))
+
+    def times_one_machine(self, name: str) -> float:
+        """How far a solver is beyond the bound, and beyond the second one of one machine in the same test."""
+        limits: dict[tuple[str, str], float] = {}
+        for test, apart in self.beyond["supernodal"]:
+            for key, value in apart.items():
+                limits[test, key] = max(limits.get((test, key), BOUND), value)
+        found = [(test, *item) for test, apart in self.beyond[name] for item in apart.items()]
+        ratios = (value / limits.get((test, key), BOUND) for test, key, value in found if value < np.inf)
+        return max(ratios, default=0.0)
 
 
 def rounded(apart: Found) -> dict[str, str]:

@@ -18,7 +18,17 @@ from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
-from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
+from obseq.diagnosis.selection import (
+    equals,
+    gains,
+    inside,
+    is_less,
+    merged,
+    needed,
+    select,
+    suspected_blocks,
+    suspects,
+)
 from obseq.diagnosis.verdict import ASTRAY, UNDETERMINED, Status, Verdict
 from obseq.errors import ObseqError, SingularSystemError
 
@@ -35,33 +45,6 @@ def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = N
     """What is wrong with a model, or that nothing is."""
     search = Search(model, policy, told)
     return search.at_first() or search.patiently()
-
-
-def noise(model: Model[Place]) -> float:
-    """The variance factor of what a linear model leaves without errors that stand out; 0 without any test.
-
-    It begins at that of the median of all tests, which an error that spoils many makes too large, and falls
-    as long as errors stand out of it.
-    """
-    hypotheses = model.hypotheses
-    tests = LinearTests(*model.linearised(model.robust(), ()), hypotheses, POLICY)
-    found = tests.tests(tests.given(()), blocks=False)
-    seen = hypotheses.is_start & (found.statistic > 0.0)
-    if not seen.any():
-        return 0.0
-    tests.scale = float(np.median(found.statistic[seen] / found.noise[seen])) / _MEDIAN
-    for _ in range(POLICY.rounds):
-        chosen = select(tests)
-        spare = tests.linear.redundancy - sum(map(tests.rank, chosen))
-        left = tests.cost - tests.took(chosen)
-        if not chosen or spare <= 0 or left >= tests.scale * spare:
-            break
-        tests.scale = left / spare
-    return tests.scale
-
-
-_MEDIAN = 0.455
-"""Of chi-square with one degree of freedom."""
 
 
 class Search(Generic[Place]):
@@ -169,9 +152,11 @@ class Search(Generic[Place]):
         while self._is_wanted() and self._places:
             self._from_next()
         best = self._best
-        if best is not None and best.is_accepted and not self._is_spent:
+        if best is None:
+            return self._by_a_slip()
+        if best.is_accepted and not self._is_spent:
             best = self._best = self._with_one_for_several(best)
-        if best is None or not self._is_wanted():
+        if not self._is_wanted():
             return best
         if best.is_accepted and not self._is_spent:
             best = self._in_place_of_several(best)
@@ -180,6 +165,23 @@ class Search(Generic[Place]):
         if are_many or (not best.is_accepted and _stands_out(best)):
             best = self._without_the_worst(best)
         return best
+
+    def _by_a_slip(self) -> Explanation[Place] | None:
+        """From robust starts without a block that needs a slip, where one explains it, or another, then.
+
+        Of two sights that place a point, one of them to another point, nothing else tells which is right.
+        """
+        place = self._robust(())
+        blocks = [] if place is None else suspected_blocks(self._tests(place), for_a_slip=True)
+        for index in blocks[: self._policy.trials]:
+            assert place is not None
+            start = self._robust((change_of(self._tests(place), index),))
+            found = None if start is None else self._adapted(start, is_robust=True)
+            if found is not None and found.is_accepted:
+                found = with_slips(self._model, found)
+                if self._hypotheses.needs_slip[list(found.chosen)].any():
+                    return found
+        return None
 
     def _from_next(self) -> None:
         """Looks from the next place, if it is one."""
@@ -216,7 +218,7 @@ class Search(Generic[Place]):
         is_shared = policy.half < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
         if count <= (policy.few if is_shared else policy.most):
             return 0
-        few = select(tests, _suspected_blocks(tests)[: policy.few], most=policy.few)
+        few = select(tests, suspected_blocks(tests)[: policy.few], most=policy.few)
         return 0 if _explain(tests, few) else count
 
     def _by_one(self, solution: Place) -> Explanation[Place] | None:
@@ -341,16 +343,16 @@ class Search(Generic[Place]):
 
     def _selected(self, tests: LinearTests, first: list[int], *, is_robust: bool) -> tuple[int, ...]:
         """What explains a model at a place: from nothing, from what is far off there, from rows alone."""
-        suspects = _suspects(tests) if is_robust and not first else []
-        is_many = self._is_large and len(suspects) > self._policy.most  # nothing but them tells so many
-        if suspects and (self._is_spent or is_many):
-            return tuple(sorted(select(tests, suspects)))
+        off = suspects(tests) if is_robust and not first else []
+        is_many = self._is_large and len(off) > self._policy.most  # nothing but them tells so many
+        if off and (self._is_spent or is_many):
+            return tuple(sorted(select(tests, off)))
         found = [select(tests, first)]
-        if suspects:
-            found.append(select(tests, suspects))
-            if (blocks := merged(tests, suspects)) != suspects:  # more rows than are told one by one
+        if off:
+            found.append(select(tests, off))
+            if (blocks := merged(tests, off)) != off:  # more rows than are told one by one
                 found.append(select(tests, blocks))
-            if blocks := _suspected_blocks(tests):
+            if blocks := suspected_blocks(tests):
                 found.append(select(tests, blocks))
         best = _cheapest(tests, found)
         blocks = [i for i in best if self._hypotheses.is_block[i]]
@@ -381,27 +383,6 @@ def _explain(tests: LinearTests, chosen: Sequence[int]) -> bool:
 
 def _cheapest(tests: LinearTests, found: list[list[int]]) -> list[int]:
     return min(found, key=lambda chosen: tests.price(chosen))
-
-
-def _suspects(tests: LinearTests) -> list[int]:
-    """Rows that a robust place contradicts, the worst first: where backward elimination begins."""
-    which = np.flatnonzero(tests.hypotheses.is_start)
-    off = np.abs(tests.off[tests.hypotheses.columns])
-    worst = np.maximum.reduceat(off, tests.hypotheses.starts[:-1])[which] if len(off) else np.zeros(0)
-    order = np.argsort(-worst, kind="stable")
-    which = which[order][worst[order] > tests.policy.suspect]
-    return list(map(int, which[: tests.policy.begun]))
-
-
-def _suspected_blocks(tests: LinearTests) -> list[int]:
-    """Blocks most of whose rows a robust place contradicts, those with most first."""
-    hypotheses = tests.hypotheses
-    count = hypotheses.counts(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect)
-    is_told = hypotheses.is_block & ~hypotheses.needs_slip & tests.is_solved
-    which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
-    which = which[np.argsort(-count[which], kind="stable")]
-    left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy
-    return list(map(int, which[left]))
 
 
 def _stands_out(found: Explanation[Place]) -> bool:

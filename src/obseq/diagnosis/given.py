@@ -71,3 +71,18 @@ class Given:
         freed, taken = free @ before, free @ self.taken
         shown, squares = self.shown + taken @ freed, self.squares - np.einsum("ij,ij->j", freed, freed)
         return Given(before, shown, self.taken - taken @ free, squares, free, freed)
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """T of all hypotheses.
+
+    Attributes:
+        statistic: (h,) T; 0 where nothing shows it.
+        limit: (h,) K that it must exceed.
+        noise: (h,) what it takes of the noise, on average.
+    """
+
+    statistic: FloatArray
+    limit: FloatArray
+    noise: FloatArray

@@ -6,7 +6,11 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from obseq.diagnosis.explanation import Explanation, accepted
+from obseq.diagnosis.linear_tests import LinearTests
+from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change
 from obseq.diagnosis.selection import equals, for_a_slip, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
@@ -15,7 +19,6 @@ from obseq.errors import ObseqError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from obseq.diagnosis.linear_tests import LinearTests
     from obseq.diagnosis.protocol import Model, Place
 
 MANY = (
@@ -25,6 +28,8 @@ MANY = (
 """In place of a list: the search for single errors ended before nothing stood out any more."""
 _SCALINGS = 3
 """Rounds in which the variance factor of the noise is estimated; it grows, and seldom after the second."""
+_MEDIAN = 0.455
+"""Of chi-square with one degree of freedom."""
 
 
 def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdict:
@@ -142,3 +147,26 @@ def _accusation(
     limit = float(tested.limit[best.change.index])
     rest_of = tuple(one for one in found_others if one is not best)
     return Accusation(best.change, best.test, limit, rest_of, slips)
+
+
+def noise(model: Model[Place]) -> float:
+    """The variance factor of what a linear model leaves without errors that stand out; 0 without any test.
+
+    It begins at that of the median of all tests, which an error that spoils many makes too large, and falls
+    as long as errors stand out of it.
+    """
+    hypotheses = model.hypotheses
+    tests = LinearTests(*model.linearised(model.robust(), ()), hypotheses, POLICY)
+    found = tests.tests(tests.given(()), blocks=False)
+    seen = hypotheses.is_start & (found.statistic > 0.0)
+    if not seen.any():
+        return 0.0
+    tests.scale = float(np.median(found.statistic[seen] / found.noise[seen])) / _MEDIAN
+    for _ in range(POLICY.rounds):
+        chosen = select(tests)
+        spare = tests.linear.redundancy - sum(map(tests.rank, chosen))
+        left = tests.cost - tests.took(chosen)
+        if not chosen or spare <= 0 or left >= tests.scale * spare:
+            break
+        tests.scale = left / spare
+    return tests.scale

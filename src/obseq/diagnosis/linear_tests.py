@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.cached import cached_property
-from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import joint
-from obseq.diagnosis.given import Given
+from obseq.diagnosis.given import Given, Tested
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
 if TYPE_CHECKING:
@@ -37,21 +36,6 @@ _KEPT, _KEPT_OF_LARGE = 8, 3
 """Sets of accepted hypotheses that are kept: each is asked for again. Three follow from one another."""
 _TINY, _NOTHING = 1e-300, 1e-10
 """Smallest length of a column; share of its weight in place of none, where others do the same."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """T of all hypotheses.
-
-    Attributes:
-        statistic: (h,) T; 0 where nothing shows it.
-        limit: (h,) K that it must exceed.
-        noise: (h,) what it takes of the noise, on average.
-    """
-
-    statistic: FloatArray
-    limit: FloatArray
-    noise: FloatArray
 
 
 class LinearTests:
@@ -306,7 +290,7 @@ class LinearTests:
         across = np.array([self._across[k][columns] for k in own.tolist()]).reshape(len(own), len(rows))
         parts = np.abs(np.linalg.pinv(self._gram(own), unseen, hermitian=True) @ across)
         is_part = parts > self.policy.share * parts.max(axis=0, initial=0.0)
-        now, others = list(chosen), []
+        now, others = list(chosen), list[int]()
         for k in np.argsort(-(self.shown[columns] ** 2) / weight[columns], kind="stable").tolist():
             held = set(own[is_part[:, k]].tolist())
             instead = [i for i in now if not held.isdisjoint(self.hypotheses.of(i).tolist())]

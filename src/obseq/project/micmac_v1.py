@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from obseq.arrays import FloatArray
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.formats.blocks.reading import hold_all_but, new_block
 from obseq.geometry import RigidMotion
 from obseq.images import BundleAdjustment, Camera, ControlPoints, ImagePoints, Poses
@@ -180,10 +180,8 @@ def read_v1_points(path: str | Path) -> ControlPoints:
         places.append(_numbers(one, "Pt", 3))
         given = np.array(_numbers(one, "Incertitude", 3))
         sigmas.append(np.where(given < 0.0, np.inf, given))
-    try:
+    with naming(path):
         return ControlPoints.of(names, np.array(places).reshape(-1, 3), np.array(sigmas).reshape(-1, 3))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def read_v1_measures(path: str | Path, sigma: float = 1.0) -> ImagePoints:
@@ -194,10 +192,8 @@ def read_v1_measures(path: str | Path, sigma: float = 1.0) -> ImagePoints:
             images.append(image.content("NameIm"))
             points.append(one.content("NamePt"))
             xy.append(_numbers(one, "PtIm", 2))
-    try:
+    with naming(path):
         return ImagePoints.of(images, points, np.array(xy).reshape(-1, 2), sigma)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _root(path: str | Path, tag: str) -> Element:

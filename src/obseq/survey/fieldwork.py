@@ -12,7 +12,7 @@ from obseq import crs
 from obseq.boundary import Boundary
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-from obseq.diagnosis.engine import noise
+from obseq.diagnosis.judgement import noise
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import InputError, ObseqError, SingularSystemError
 from obseq.records.diagnosis import DiagnosisRecord
@@ -279,8 +279,8 @@ class Fieldwork:
     ) -> Computed:
         """The adjustment from the initial values; where that fails, from where a robust estimate leads.
 
-        What has not arrived after a dozen iterations goes on, or is begun there, only if the robust place does
-        not contradict most of what is given.
+        What has not arrived after a dozen iterations goes on, or is begun there, only if the robust place
+        does not contradict most of what is given.
         """
         failed: ObseqError | None = None
         found: Computed | None = None
@@ -294,11 +294,8 @@ class Fieldwork:
         with computation.watch.phase("diagnosis"):
             if found is not None and boundary.attempt(_DIAGNOSIS, model.is_contradicted, False):
                 return found
-        more = computation.max_iterations - first.max_iterations
-        if found is not None and more and not found.adjustment.converged:
-            found = found.continued(replace(computation, max_iterations=more), strict=strict)
-            if _is_sound(found):
-                return found
+        if found is not None and _is_sound(found := found.continued(computation, strict=strict)):
+            return found
         with computation.watch.phase("diagnosis"):
             start = boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
         if start is not None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.formats.blocks.reading import hold_all_but, new_block, note_count
 from obseq.formats.fitted import fitted_camera
 from obseq.images.bundle import BundleAdjustment
@@ -131,10 +131,8 @@ def _camera(lines: list[_Line]) -> tuple[str, tuple[Camera, FloatArray]]:
         return np.column_stack([size[0] / 2.0 + u * scale[0], size[1] / 2.0 - v * scale[1]])
 
     name = first.fields[0]
-    try:
+    with naming(first.where):
         return name, (fitted_camera(name, size, c * scale[1], project), scale)
-    except InputError as error:
-        raise InputError(f"{first.where}: {error}") from None
 
 
 def _poses(
@@ -199,11 +197,9 @@ def _add_measures(
         points.append(point)
         pixels.append([camera.width / 2.0 + x * scale[0], camera.height / 2.0 - y * scale[1]])
     note_count(block, off, "measures are not active, or of an image or a point that is not")
-    try:
+    with naming(path):
         measures = ImagePoints.of(images, points, np.array(pixels).reshape(-1, 2), sigma)
         block.add_measures(measures, name=path.name, origin=Origin(str(path)))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _add_scale(block: BundleAdjustment, path: Path) -> None:

@@ -8,14 +8,13 @@ Here y goes down and z forward: rotation and translation are turned by diag(1, -
 from __future__ import annotations
 
 import bz2
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from obseq.arrays import FloatArray, IntArray
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.formats.camera_terms import check_camera, check_cameras
 from obseq.geometry import exponential, logarithm
 from obseq.images.adjustment.solution import BundleSolution
@@ -66,15 +65,6 @@ def read_bal(path: str | Path) -> BundleAdjustment:
         return block_of_cameras(
             path, exponential(cameras[:, :3]), cameras[:, 3:6], cameras[:, 6:], points, index, rows[:, 2:]
         )
-
-
-@contextmanager
-def naming(path: str | Path) -> Iterator[None]:
-    """Makes errors inside name the file."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _check_words(path: str | Path, text: str) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.formats.blocks.ground import covariances_in_frame, frame_for, turned_to_frame
 from obseq.formats.blocks.reading import note_count
 from obseq.geometry import rotations_from
@@ -92,10 +92,8 @@ def add_lengths(block: Block, path: str | Path) -> None:
     values = np.column_stack([table.numbers("length"), table.numbers("sigma")]).tolist()
     ends = zip(table.texts("from"), table.texts("to"), strict=True)
     for row, ((first, second), (length, sigma)) in enumerate(zip(ends, values, strict=True)):
-        try:
+        with naming(table.place(row)):
             block.add_length(first, second, length, sigma)
-        except InputError as error:
-            raise InputError(f"{table.place(row)}: {error}") from None
 
 
 def observe_positions(block: Block, path: str | Path, carried: Carried = AS_THEY_ARE) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.images.block import Block
 from obseq.images.camera import Camera
 from obseq.images.control import ControlPoints
@@ -55,10 +55,8 @@ def add_cameras(block: Block, path: str | Path) -> None:
     """Adds the cameras of a table to a block; see `read_cameras`."""
     table = Table.read(path)
     for row, camera in enumerate(_cameras(table)):
-        try:
+        with naming(table.place(row)):
             block.add_cameras(camera)
-        except InputError as error:
-            raise InputError(f"{table.place(row)}: {error}") from None
 
 
 def _cameras(table: Table) -> list[Camera]:
@@ -73,7 +71,7 @@ def _cameras(table: Table) -> list[Camera]:
     found = []
     for row, name in enumerate(table.texts("name")):
         given = {_spelt(column): float(values[column][row]) for column in coefficients if values[column][row]}
-        try:
+        with naming(table.place(row)):
             found.append(
                 Camera(
                     name,
@@ -87,8 +85,6 @@ def _cameras(table: Table) -> list[Camera]:
                     backward=backward[row],
                 )
             )
-        except InputError as error:
-            raise InputError(f"{table.place(row)}: {error}") from None
     return found
 
 
@@ -283,9 +279,7 @@ def add_images(block: Block, path: str | Path) -> None:
     camera_of, poses = _images(table)
     only = next(iter(block.cameras)) if len(block.cameras) == 1 else ""
     for row, (image, camera) in enumerate(camera_of.items()):
-        try:
+        with naming(table.place(row)):
             block.add_images([image], camera or only)
-        except InputError as error:
-            raise InputError(f"{table.place(row)}: {error}") from None
     with table.located():
         block.add_poses(poses)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from obseq.arrays import BoolArray, FloatArray, IntArray
-from obseq.errors import InputError
-from obseq.formats.bal.reader import block_of_cameras, naming
+from obseq.errors import InputError, naming
+from obseq.formats.bal.reader import block_of_cameras
 from obseq.formats.blocks.reading import note_count
 from obseq.images.bundle import BundleAdjustment
 from obseq.reading.tables import number_in, text_of

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.formats.colmap.models import camera_of
 from obseq.images.camera import Camera
 from obseq.reading.text import quoted, read_text
@@ -145,10 +145,8 @@ def _camera(
         raise InputError(f"{where}: the size of the image (width, height) is wrong")
     middle = [value + HALF for value in values[2:]]
     given = [*values[:2], *middle, *terms]
-    try:
+    with naming(where):
         return camera_of(name, model, (int(sides[0]), int(sides[1])), given)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
 
 
 def _terms(where: str, content: dict[str, object]) -> list[float]:

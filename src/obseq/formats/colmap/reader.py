@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.formats.blocks.features import add_features
 from obseq.formats.blocks.reading import hold_all_but, new_block
 from obseq.formats.blocks.rigs import Rig, add_rig
@@ -83,13 +83,11 @@ def _add_rigs(block: BundleAdjustment, place: Path, model: ColmapModel) -> None:
 def _poses(place: Path, images: list[ColmapImage], cameras: dict[int, Camera]) -> Poses:
     quaternions = np.array([image.quaternion for image in images]).reshape(-1, 4)
     shifts = np.array([image.shift for image in images]).reshape(-1, 3)
-    try:
+    with naming(place):
         poses = RigidMotion(shifts, rotations_from(quaternions, "quaternion")).inverse()
         names = [image.name for image in images]
         owners = [cameras[image.camera].name for image in images]
         return Poses.of(names, poses.centre, poses.rotation, cameras=owners)
-    except InputError as error:
-        raise InputError(f"{place}: {error}") from None
 
 
 def _add_points(block: BundleAdjustment, place: Path, model: ColmapModel) -> None:
@@ -106,10 +104,8 @@ def _add_points(block: BundleAdjustment, place: Path, model: ColmapModel) -> Non
 
 
 def _camera(name: str, given: ColmapCamera) -> Camera:
-    try:
+    with naming(given.where):
         return camera_of(name, given.model, given.size, given.parameters)
-    except InputError as error:
-        raise InputError(f"{given.where}: {error}") from None
 
 
 def write_colmap(solution: BundleSolution, folder: str | Path) -> None:

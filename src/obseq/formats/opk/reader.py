@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from obseq.arrays import FloatArray
-from obseq.errors import InputError
+from obseq.errors import InputError, naming
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.block import Block
 from obseq.images.camera import Camera
@@ -83,10 +83,8 @@ def read_opk(
     else:
         angles = np.array([[found[letter] for letter in "OPK"] for found in numbers])
         rotations, form = angles * UNITS[unit], "opk"
-    try:
+    with naming(path):
         return Poses.of(names, centres, rotations, form, camera)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _columns(text: str) -> str:

@@ -98,18 +98,6 @@ class BlockPointRecord(Record, frozen=True):
     residual: tuple[float, ...] | None
 
 
-class ImagePointRecord(Record, frozen=True):
-    """An image point, its residual (computed minus measured, pixels), and what robust weights left of it."""
-
-    image: str
-    point: str
-    x: float
-    y: float
-    dx: float
-    dy: float
-    weight: float
-
-
 class MeasureRecord(Record, frozen=True):
     """An image point as it was adjusted: pixels, and the tests of both coordinates.
 
@@ -185,7 +173,7 @@ class BundleRecord(Record, frozen=True, omit_defaults=False):
     left_out: tuple[BlockLeftOutRecord, ...]
     unpaired: tuple[BlockLeftOutRecord, ...]
     notes: tuple[str, ...]
-    behind: tuple[ImagePointRecord, ...]
+    behind: Rows[MeasureRecord]
     weakened: int
     measures: Rows[MeasureRecord]
     reliability: BlockReliabilityRecord | None

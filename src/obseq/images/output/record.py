@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from obseq.arrays import FloatArray, IntArray
+from obseq.arrays import FloatArray
 from obseq.boundary import Boundary
 from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import LeftOut
@@ -18,7 +18,6 @@ from obseq.images.output.block_record import (
     BlockPointRecord,
     BundleRecord,
     CameraRecord,
-    ImagePointRecord,
     ImageRecord,
     MeasureRecord,
     ParameterRecord,
@@ -57,6 +56,7 @@ def record_of(
         reliability, tests = boundary.attempt(
             "the tests of image points", lambda: reliability_of(solution), (reliability, tests)
         )
+    measures = _measures(solution, tests)
     return BundleRecord(
         result.n_observations + result.n_constraints,
         result.n_unknowns,
@@ -73,9 +73,9 @@ def record_of(
         _left_out(solution.left_out),
         _left_out(solution.unpaired),
         tuple(solution.block.notes),
-        tuple(_image_points(solution, np.flatnonzero(solution.is_behind & ~far[solution.residuals.point]))),
+        measures.take(np.flatnonzero(solution.is_behind & ~far[solution.residuals.point])),
         int(np.count_nonzero(solution.residuals.weights < 0.5)),
-        _measures(solution, tests),
+        measures,
         reliability,
         tuple(rigid_records(solution, precisions)),
         tuple(clinometer_records(solution)),
@@ -204,18 +204,3 @@ def _measures(solution: BundleSolution, tests: dict[str, Column]) -> Rows[Measur
         "weight": found.weights,
     }
     return Rows.of(MeasureRecord, columns | tests, len(found.image))
-
-
-def _image_points(solution: BundleSolution, rows: IntArray) -> Iterator[ImagePointRecord]:
-    found = solution.residuals
-    for row in rows:
-        (x, y), (dx, dy) = found.xy[row].tolist(), found.residuals[row].tolist()
-        yield ImagePointRecord(
-            solution.poses.images[found.image[row]],
-            solution.points[found.point[row]],
-            x,
-            y,
-            dx,
-            dy,
-            float(found.weights[row]),
-        )

@@ -3,30 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from obseq.arrays import BoolArray, FloatArray
-from obseq.leastsquares.assembly.at_once import (
-    batch_members,
-    evaluate_at_once,
-    is_short,
-    plan_of,
-    present_values,
-)
 from obseq.leastsquares.assembly.threads import in_threads, share_bounds, share_count
-from obseq.leastsquares.loops.loop_arguments import BatchArrays, BatchMembers, Present, Span
+from obseq.leastsquares.loops.loop_arguments import BatchArrays, Present, Span
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.padding import padded_length
 from obseq.leastsquares.problem.priors import Prior
-from obseq.leastsquares.problem.shapes import Shape
 from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
+class _Kept(NamedTuple):
+    """The arrays of a batch, and the weights and roots that they were made for."""
+
+    weights: FloatArray
+    roots: FloatArray
+    arrays: BatchArrays
+
+
 def batch_arrays(batch: Batch) -> BatchArrays:
-    """A batch as the loops take it; no weights where clusters are added otherwise."""
-    shape = batch.shape
-    return BatchArrays(shape.n_unknowns, shape.n_residuals, shape.first_row, *batch_members(batch))
+    """A batch as the loops take it, kept with it while its weights are; clusters have none."""
+    kept, shape = batch.kept, batch.shape
+    if isinstance(kept, _Kept) and kept.weights is batch.weights and kept.roots is batch.roots:
+        return kept.arrays
+    arrays = BatchArrays(
+        shape.n_unknowns,
+        shape.n_residuals,
+        shape.first_row,
+        batch.roles,
+        batch.starts,
+        batch.contexts,
+        batch.observation_tiles,
+        batch.observation_rows,
+        batch.weights if batch.clusters is None else np.zeros_like(batch.weights),
+        batch.roots,
+        batch.carried,
+        batch.carriers,
+    )
+    batch.kept = _Kept(batch.weights, batch.roots, arrays)
+    return arrays
+
+
+def present_values(table: UnknownTable) -> Present:
+    """The current values, as the loops take them."""
+    return Present(table.padded_values, table.padded_context)
 
 
 def used_blocks(table: UnknownTable, batches: Sequence[Batch], priors: Sequence[Prior]) -> BoolArray:
@@ -99,43 +122,19 @@ def _evaluated(
     threads: int = 1,
     tile: Callable[[int], FloatArray] | None = None,
 ) -> FloatArray:
-    shape, members, present = batch.shape, batch_members(batch), present_values(table)
-    results = np.empty((rows, padded_length(batch.n)))
-    bounds = share_bounds([batch.n], threads)[:, 0].tolist() if share_count(batch.n, threads) > 1 else []
-
-    def evaluate_share(share: int) -> None:
-        from obseq.leastsquares.loops.accumulation import evaluate
-
-        arrays, span = batch_arrays(batch), Span(bounds[share], bounds[share + 1])
-        evaluate(kernel, room(share), arrays, span, present, rows, results)
-
-    def room(share: int) -> FloatArray:
-        return tile(share) if tile else shape.new_tile()
-
-    if bounds:
-        in_threads(evaluate_share, len(bounds) - 1)
-    else:
-        evaluate_members(members, shape, kernel, batch.n, room(0), present, results)
-    return results[:, : batch.n]
-
-
-def evaluate_members(
-    members: BatchMembers,
-    shape: Shape,
-    kernel: int,
-    n: int,
-    tile: FloatArray,
-    present: Present,
-    results: FloatArray,
-) -> None:
-    """Writes residuals, and more, of n observations to `results` (rows, n padded)."""
-    plan = plan_of(shape, kernel, n)
-    if is_short(n) and evaluate_at_once(plan, tile, members, present, results):
-        return
     from obseq.leastsquares.loops.accumulation import evaluate
 
-    arrays = BatchArrays(shape.n_unknowns, shape.n_residuals, shape.first_row, *members)
-    evaluate(kernel, tile, arrays, Span(0, n), present, len(results), results)
+    arrays, present = batch_arrays(batch), present_values(table)
+    results = np.empty((rows, padded_length(batch.n)))
+    is_shared = share_count(batch.n, threads) > 1
+    bounds = share_bounds([batch.n], threads)[:, 0].tolist() if is_shared else [0, batch.n]
+
+    def evaluate_share(share: int) -> None:
+        room = tile(share) if tile else batch.shape.new_tile()
+        evaluate(kernel, room, arrays, Span(bounds[share], bounds[share + 1]), present, rows, results)
+
+    in_threads(evaluate_share, len(bounds) - 1)
+    return results[:, : batch.n]
 
 
 def why_not_finite(table: UnknownTable, batches: Sequence[Batch]) -> str:

@@ -11,13 +11,14 @@ import numpy as np
 
 from obseq.arrays import BoolArray, FloatArray
 from obseq.cached import cached_property
+from obseq.compilation.loops import HAS_BUILTINS
 from obseq.errors import DivergenceError
-from obseq.leastsquares.assembly.at_once import BatchesAtOnce, is_short, present_values
 from obseq.leastsquares.assembly.clusters import add_cluster, whitened_rows
 from obseq.leastsquares.assembly.elimination import Elimination
 from obseq.leastsquares.assembly.evaluation import (
     batch_arrays,
     jacobian_rows,
+    present_values,
     raw_residuals,
     residual_rows,
     used_blocks,
@@ -116,16 +117,9 @@ class NormalEquations:
     def small(self) -> SmallSystem | None:
         """The system as one that `solved` can treat; None where it is none of those."""
         has_clusters = any(batch.clusters is not None for batch in self.batches)
-        is_plain = not (self._elimination or self.viscosities or has_clusters)
-        batches = self._at_once if is_plain and 0 < self.pattern.n <= MOST_UNKNOWNS else None
-        return SmallSystem(self.table, batches, self._prior_rows, self.layout) if batches else None
-
-    @cached_property
-    def _at_once(self) -> BatchesAtOnce | None:
-        """The batches where all together are short, and in one share."""
-        if len(self._shares) > 1 or not is_short(sum(batch.n for batch in self.batches)):
-            return None
-        return BatchesAtOnce(self.table, self.batches, self.layout.batches, partial(self._room, 0))
+        is_plain = not (self._elimination or self.viscosities or has_clusters) and HAS_BUILTINS
+        is_small = len(self._shares) == 1 and 0 < self.pattern.n <= MOST_UNKNOWNS
+        return SmallSystem(self.table, self._prior_rows, self.layout) if is_plain and is_small else None
 
     def solve_at_once(self) -> SolvedLinearisation | None:
         """`assemble` and its Gauss-Newton step at once, for systems that are `small`.
@@ -137,9 +131,9 @@ class NormalEquations:
             return None
         self.reweight()
         self._clean()
-        squares = np.zeros(len(self.batches) + len(self.priors))
-        found = self.small.iterate(self._store, squares)
-        totals = squares.tolist()
+        totals, of_priors = self._added_up(), np.zeros(len(self.priors))
+        found = self.small.iterate(self._store, of_priors)
+        totals += of_priors.tolist()
         if found is None or not all(map(math.isfinite, totals)):
             return None
         self._is_clean = True
@@ -298,17 +292,17 @@ class NormalEquations:
 
     def _added_up(self) -> list[float]:
         """Adds all batches to the store; returns their sums of weighted squared residuals."""
-        if self._at_once:
-            squares = np.zeros(len(self.batches))
-            if self._at_once.add(self._store, squares):
-                return squares.tolist()
-            self._clean()
-        kernels, bounds = [batch.shape.kernel() for batch in self.batches], self._shares.bounds
+        from obseq.leastsquares.loops.accumulation import assemble
+
+        present, bounds = present_values(self.table), self._shares.bounds.tolist()
 
         def add_share(share: int) -> list[float]:
-            spans = map(Span, bounds[share].tolist(), bounds[share + 1].tolist())
-            parts = zip(self.batches, self.layout.batches, kernels, spans, strict=True)
-            return [self._assemble_batch(share, *part) for part in parts]
+            totals, spans, store = [], map(Span, bounds[share], bounds[share + 1]), self._store
+            for batch, table, span in zip(self.batches, self.layout.batches, spans, strict=True):
+                tile, scratch = self._room(share, batch, table)
+                arrays, kernel = batch_arrays(batch), batch.shape.kernel()
+                totals.append(float(assemble(kernel, tile, arrays, span, present, table, scratch, store)))
+            return totals
 
         totals = in_threads(add_share, len(self._shares))
         if len(self._shares.moves):
@@ -316,13 +310,6 @@ class NormalEquations:
 
             add_copies(self._store, self._shares.moves)
         return [sum(of_batch) for of_batch in zip(*totals, strict=True)]
-
-    def _assemble_batch(self, share: int, batch: Batch, table: BlockTable, kernel: int, span: Span) -> float:
-        from obseq.leastsquares.loops.accumulation import assemble
-
-        arrays, present = batch_arrays(batch), present_values(self.table)
-        tile, scratch = self._room(share, batch, table)
-        return float(assemble(kernel, tile, arrays, span, present, table, scratch, self._store))
 
     def _room(self, share: int, batch: Batch, table: BlockTable) -> tuple[FloatArray, FloatArray]:
         """A tile and room for records, of one thread and for one formula: kept, since batches are many."""

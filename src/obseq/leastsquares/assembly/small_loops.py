@@ -1,35 +1,17 @@
-"""One iteration of a small system as two compiled loops: from batches to blocks, from these to the step.
+"""From the small blocks of a small system to its step, as one compiled loop.
 
-Python calls them as its own builtins: a usual call takes longer than their work.
+Python calls it as one of its own builtins: a usual call takes longer than its work.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows, PositionRows
+from obseq.arrays import FloatArray, FloatRows, IntArray, IntRows
 from obseq.compilation import compiled
-from obseq.leastsquares.loops.accumulation import assemble, evaluate
 from obseq.leastsquares.loops.blocks_to_matrix import add_diagonal_blocks, add_pairs, add_priors
-from obseq.leastsquares.loops.loop_arguments import (
-    BatchArrays,
-    BatchMembers,
-    BlockTable,
-    Present,
-    PriorArrays,
-    Span,
-    UnknownPlaces,
-)
+from obseq.leastsquares.loops.loop_arguments import Present, PriorArrays, UnknownPlaces
 from obseq.leastsquares.solvers.dense_loops import factor_columns, solve_columns
-
-
-class TableMembers(NamedTuple):
-    """The arrays of a `BlockTable`."""
-
-    record_rows: IntArray
-    pairs: IntRows
-    positions: PositionRows
-    heights: PositionRows
 
 
 class MatrixRoom(NamedTuple):
@@ -66,60 +48,6 @@ class Outcome(NamedTuple):
     step: FloatArray
     weights: FloatArray
     numbers: FloatArray
-
-
-@compiled
-def batch_arrays(plan: IntArray, batch: BatchMembers) -> BatchArrays:
-    """A batch as other loops take it; `plan` as of `add_batch`."""
-    return BatchArrays(
-        plan[1],
-        plan[2],
-        plan[3],
-        batch.blocks,
-        batch.starts,
-        batch.contexts,
-        batch.observations,
-        batch.observation_rows,
-        batch.weights,
-        batch.roots,
-        batch.carried,
-        batch.carriers,
-    )
-
-
-@compiled(at_once=True)
-def add_batch(
-    plan: IntArray,
-    tile: FloatArray,
-    batch: BatchMembers,
-    present: Present,
-    table: TableMembers,
-    scratch: FloatArray,
-    store: FloatArray,
-    squares: FloatArray,
-) -> int:
-    """Adds a batch to the small blocks of the store, and its weighted squares to the numbers of `squares`.
-
-    `plan`: address of the kernel, numbers of unknowns and residuals, first row of results, number of
-    observations, place among `squares`.
-    """
-    blocks = BlockTable(table.record_rows, table.pairs, table.positions, table.heights, len(scratch))
-    arrays, span = batch_arrays(plan, batch), Span(0, plan[4])
-    squares[plan[5]] += assemble(plan[0], tile, arrays, span, present, blocks, scratch, store)
-    return 0
-
-
-@compiled(at_once=True)
-def evaluate_batch(
-    plan: IntArray, tile: FloatArray, batch: BatchMembers, present: Present, results: FloatRows
-) -> int:
-    """Copies rows of each tile, from the residuals on, to `results` (rows, n padded).
-
-    `plan` as of `add_batch`; its kernel may be that of values alone.
-    """
-    span = Span(0, plan[4])
-    evaluate(plan[0], tile, batch_arrays(plan, batch), span, present, len(results), results)
-    return 0
 
 
 @compiled(at_once=True)

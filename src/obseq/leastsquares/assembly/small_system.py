@@ -1,4 +1,4 @@
-"""Small systems: an iteration costs what Python does between the loops, and is one of two loops therefore."""
+"""Small systems: an iteration costs what Python does between loops; from blocks to step there is but one."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from obseq.leastsquares.assembly.at_once import present_values
+from obseq.leastsquares.assembly.evaluation import present_values
 from obseq.leastsquares.solvers.rank import CLEAR, SUSPICIOUS
 
 if TYPE_CHECKING:
     from obseq.arrays import FloatArray
     from obseq.compilation.loops import QuickLoop
-    from obseq.leastsquares.assembly.at_once import BatchesAtOnce
     from obseq.leastsquares.assembly.prior_rows import PriorRows
     from obseq.leastsquares.assembly.small_loops import Outcome
     from obseq.leastsquares.assembly.store import StoreLayout
@@ -28,22 +27,15 @@ class SmallSystem:
 
     Args:
         table: the unknowns.
-        batches: the observations.
         priors: the priors.
         layout: where the store has their blocks.
     """
 
-    def __init__(
-        self,
-        table: UnknownTable,
-        batches: BatchesAtOnce,
-        priors: PriorRows,
-        layout: StoreLayout,
-    ) -> None:
+    def __init__(self, table: UnknownTable, priors: PriorRows, layout: StoreLayout) -> None:
         from obseq.leastsquares.assembly.small_loops import MatrixRoom, find_step
 
         self._find_step = cast("QuickLoop", find_step).builtin
-        self._table, self._batches, self._priors, self._layout = table, batches, priors, layout
+        self._table, self._priors, self._layout = table, priors, layout
         n, pattern = layout.matrix.n, layout.matrix
         places = pattern.columns() * n + pattern.indices
         self._matrix = MatrixRoom(layout.diagonal, layout.stored, places, np.zeros(n * n), np.zeros(n))
@@ -53,8 +45,8 @@ class SmallSystem:
         """The normal equations at the current values, and their Gauss-Newton step.
 
         Args:
-            store: zeros; the matrix afterwards.
-            squares: (n_batches + n_priors,) zeros; the sums of weighted squared residuals.
+            store: the small blocks; the matrix afterwards.
+            squares: (n_priors,) zeros; the sums of weighted squared residuals of the priors.
 
         Returns:
             None where numbers are not finite, or the matrix is not clearly regular.
@@ -62,11 +54,8 @@ class SmallSystem:
         from obseq.leastsquares.assembly.small_loops import Outcome
 
         layout, n, table = self._layout, self._layout.matrix.n, self._table
-        if not self._batches.add(store, squares):
-            return None
         step, weights = np.zeros((2, table.n_scalars))
         found = Outcome(np.zeros(n), np.empty((1, n)), step, weights, np.empty(2))
-        rest = squares[self._batches.n :]
         done = self._find_step(
             store,
             *self._matrix,
@@ -75,7 +64,7 @@ class SmallSystem:
             *present_values(table),
             layout.free.scalars,
             self._tolerance,
-            rest,
+            squares,
             *found,
         )
         is_clear = done is found.numbers and found.numbers[0] > CLEAR

@@ -48,20 +48,6 @@ class BatchArrays(NamedTuple):
     carriers: FloatRows
 
 
-class BatchMembers(NamedTuple):
-    """The arrays of a batch, as of `BatchArrays`."""
-
-    blocks: IntRows
-    starts: PositionRows
-    contexts: PositionRows
-    observations: FloatRows
-    observation_rows: IntArray
-    weights: FloatRows
-    roots: FloatRows
-    carried: IntRows
-    carriers: FloatRows
-
-
 class Span(NamedTuple):
     """Observations of a batch: from the first, a multiple of 32, to before the last."""
 

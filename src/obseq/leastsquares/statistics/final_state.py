@@ -11,11 +11,10 @@ from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.kernels.layout import LANES
-from obseq.leastsquares.assembly.at_once import batch_members
 from obseq.leastsquares.assembly.clusters import are_few, whitened_rows
-from obseq.leastsquares.assembly.evaluation import evaluate_members, whitened_residual_rows
+from obseq.leastsquares.assembly.evaluation import batch_arrays, whitened_residual_rows
 from obseq.leastsquares.assembly.normal_equations import NormalEquations
-from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, SparseInverse
+from obseq.leastsquares.loops.loop_arguments import EquationRows, Present, Span, SparseInverse
 from obseq.leastsquares.problem.batches import Batch
 from obseq.leastsquares.problem.padding import PADDING, padded_length
 from obseq.leastsquares.problem.priors import Prior
@@ -237,16 +236,18 @@ class FinalState:
 
     def _raw_rows(self, batch: Batch, chosen: IntArray | slice) -> FloatArray:
         """(n_residuals + n_residuals n_unknowns, k) residuals and derivatives of chosen observations (k,)."""
+        from obseq.leastsquares.loops.accumulation import evaluate
+
         shape, (count, padded) = batch.shape, _in_tiles(chosen)
         tile, present = self.equations.tile(batch), Present(self._values, self._context)
         results = np.empty((shape.n_residuals * (1 + shape.n_unknowns), padded_length(count)))
-        members = batch_members(batch)._replace(
+        arrays = batch_arrays(batch)._replace(
             starts=np.ascontiguousarray(batch.starts[:, padded]),
             contexts=np.ascontiguousarray(batch.contexts[:, padded]),
             observations=np.ascontiguousarray(batch.observation_tiles[:, padded]),
             carriers=np.ascontiguousarray(batch.carriers[:, padded]),
         )
-        evaluate_members(members, shape, shape.kernel(), count, tile, present, results)
+        evaluate(shape.kernel(), tile, arrays, Span(0, count), present, len(results), results)
         return results[:, :count]
 
 

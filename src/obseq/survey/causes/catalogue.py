@@ -250,7 +250,7 @@ def _not_seen(groups: Groups, marks: Array, cause: Cause, seen: dict[str, Array]
     kept[order[np.append(True, np.diff(keys[order]) != 0)]] = True
     before = seen.get(cause.code)
     if before is not None:
-        kept &= ~np.isin(keys, before)
+        kept[kept] = ~np.isin(keys[kept], before, assume_unique=True)  # else it would load masked arrays
     seen[cause.code] = keys[kept] if before is None else np.append(before, keys[kept])
     if kept.all():
         return groups

@@ -38,13 +38,11 @@ class Mistake:
         code: of the slip.
         text: in words.
         right: the value read (m, rad) -> what it should have been.
-        factor: by which that multiplies it, where it does and the value becomes smaller.
     """
 
     code: str
     text: str
     right: Callable[[float], float]
-    factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -58,15 +56,15 @@ class Explanation:
 
 _ANGLES = (
     Mistake("W100", "degrees read as gon", lambda v: v * 10.0 / 9.0),
-    Mistake("W101", "gon read as degrees", lambda v: v * 0.9, 0.9),
+    Mistake("W101", "gon read as degrees", lambda v: v * 0.9),
     Mistake("W125", "radians read as gon", lambda v: v * GON),
     Mistake("W111", "degrees, minutes and seconds (ddd.mmss) read as gon", lambda v: _sexagesimal(v * GON)),
 )
 _LENGTHS = (
-    Mistake("W126", "millimetres read as metres", lambda v: v / 1000.0, 1e-3),
-    Mistake("W127", "centimetres read as metres", lambda v: v / 100.0, 1e-2),
+    Mistake("W126", "millimetres read as metres", lambda v: v / 1000.0),
+    Mistake("W127", "centimetres read as metres", lambda v: v / 100.0),
     Mistake("W128", "kilometres read as metres", lambda v: v * 1000.0),
-    Mistake("W106", _FEET_TEXT, lambda v: v * FEET, FEET),
+    Mistake("W106", _FEET_TEXT, lambda v: v * FEET),
 )
 _SIGN = Mistake("W105", "the sign, or the order of the two points, is wrong", lambda v: -v)
 _OF_ZENITH = (

@@ -1,7 +1,8 @@
 """Readings in both faces of the telescope: folded into the first one, reduced to means, compared.
 
 A zenith angle beyond half a turn is one of the second face: a full turn less it is that of the first. A
-direction on its line is half a turn from that of the first face. Where lines hold single angles, two or more
+direction on its line is half a turn from that of the first face. Negative ones near zero are elevations below
+the horizon: they stay, and the search for errors tells them. Where lines hold single angles, two or more
 targets of one point whose directions come half a turn apart are sights in both faces; one may be a slip.
 
 Half of first minus second face is the collimation error over the sine of the zenith angle, and the index
@@ -32,6 +33,9 @@ MEAN, ALL = "mean", "all"
 FULL_TURN = 2.0 * math.pi
 CLOSE = 0.5 * math.pi / 200.0
 """Errors of an instrument between its faces, generously (rad)."""
+FLAT = math.pi / 4.0
+"""Negative values nearer to zero are elevations below the horizon: in the other face, such a sight would be
+steeper than any that is not to a plumb point (rad)."""
 MOST = 4
 LIMIT = 3.29
 """Standardised difference beyond which a pair is named: a chance of 0.1 %."""
@@ -71,6 +75,7 @@ def reduced_faces(book: FieldBook, faces: str = MEAN) -> FieldBook:
     rows = book.observations
     directions, zeniths = rows.types == HZ.code, rows.types == ZEN.code
     turned = zeniths & (np.remainder(rows.values, FULL_TURN) > math.pi)
+    turned &= ~((rows.values < -CLOSE) & (rows.values > -FLAT))
     other = turned | _second_directions(book, directions & rows.active, turned)
     if not (other & rows.active).any():
         return book

@@ -128,7 +128,7 @@ def region_of(spec: Specification, placed: Placed, whole: bool) -> Region:
 
 def legend_size(spec: Specification) -> tuple[float, float]:
     """Width and height of the legend in a corner, units."""
-    letters = max(len(name) + 1 for name in spec.codes) // 2
+    letters = (spec.letters + 1) // 2
     dot = dot_size(letters, spec.geometry.radii[2])
     return CELL[0] * letters * dot, CELL[1] * dot
 
