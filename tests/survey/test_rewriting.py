@@ -5,45 +5,16 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from polar_network import network
 
-from obseq.survey import network_from_tables
 from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.other_system import other_system
 from obseq.survey.causes.rewriting import REWRITINGS, of_all_values, rewritten
 from obseq.survey.causes.values import _share_of_slips, explain, variants
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 
-PLACES = {
-    "A": (100.0, 900.0, 5.0),
-    "B": (700.0, 950.0, 9.0),
-    "C": (650.0, 300.0, 14.0),
-    "D": (120.0, 340.0, 2.0),
-}
-PLACES |= {"P": (400.0, 600.0, 8.0)}
 ZENITH = np.radians([85.0, 92.0, 97.5])
 FALSE, TRUE = np.zeros(3, bool), np.ones(3, bool)
-
-
-def network(known="ABCD", stations="ABCDP"):
-    """Directions, zenith angles and slope distances and height differences from all stations to all."""
-    rows = []
-    for origin in stations:
-        for target in PLACES:
-            if target == origin:
-                continue
-            dx, dy, dz = np.subtract(PLACES[target], PLACES[origin])
-            azimuth, flat = math.atan2(dx, dy) % (2.0 * math.pi), math.hypot(dx, dy)
-            rows += [
-                ("Hz", origin, target, azimuth, 1e-5),
-                ("Zen", origin, target, math.atan2(flat, dz), 1e-5),
-                ("Dist", origin, target, math.hypot(flat, dz), 2e-3),
-                ("DH", origin, target, dz, 1e-3),
-            ]
-    places = {name: place if name in known else (None,) * 3 for name, place in PLACES.items()}
-    points = {"name": list(places)} | dict(zip("xyz", zip(*places.values(), strict=True), strict=True))
-    points |= {axis: [0.001 if name in known else None for name in places] for axis in ("sx", "sy", "sz")}
-    columns = ("type", "from", "to", "value", "sigma")
-    return network_from_tables(points, dict(zip(columns, zip(*rows, strict=True), strict=True)))
 
 
 def notes_of(net):

@@ -3,41 +3,32 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
-from obseq.images import ControlPoints
+from obseq.images import BundleSolution, ControlPoints
+from obseq.images.adjustment.surveys import JoinedSurvey
+from obseq.images.rigid import Sigmas
 from obseq.project.assembly import block_files, instrument_file
 from obseq.project.cameras import orientation_files
-from obseq.project.instruments.blocks import read_instrument_block
+from obseq.project.instruments.blocks import InstrumentBlock, read_instrument_block
 from obseq.project.instruments.boresights import adjusted_boresights, read_boresights
 from obseq.project.instruments.joining import ENTRIES
 from obseq.project.instruments.rigid_blocks import block_text, pose_tree, read_block
-from obseq.project.layout import MEASURES
+from obseq.project.layout import MEASURES, ProjectTree
 from obseq.project.networks import adjusted_sets, control_of
+from obseq.project.options.bundle_options import BundleOptions
 from obseq.project.points import NO_SYSTEM, measure_copies, read_system, system_text
 from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
-from obseq.project.tree import data_text
+from obseq.project.tree import Tree, data_text
 from obseq.survey import automatic_fix
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.images import BundleSolution
-    from obseq.images.adjustment.surveys import JoinedSurvey
-    from obseq.project.layout import ProjectTree
-    from obseq.project.options.bundle_options import BundleOptions
-
-    Files = dict[Path, str | bytes]
-    from collections.abc import Iterable
-
-    from obseq.images.rigid import Sigmas
-    from obseq.project.instruments.blocks import InstrumentBlock
-    from obseq.project.tree import Tree
+Files = dict[Path, str | bytes]
 
 
 @dataclass(frozen=True)
