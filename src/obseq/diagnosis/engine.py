@@ -201,7 +201,8 @@ class Search(Generic[Place]):
         if best is None:
             return True
         is_one = best.is_accepted and len(best.chosen) == 1
-        return not is_one and not (self._is_large and len(best.chosen) >= self._policy.most)
+        count = max(len(best.chosen), self.count)
+        return not is_one and not (self._is_large and count >= self._policy.most)
 
     def _too_many(self, robust: Place) -> int:
         """How many rows are off at a robust place, if they are many and no few errors explain it.
@@ -232,8 +233,8 @@ class Search(Generic[Place]):
 
     def _with_one_for_several(self, best: Explanation[Place]) -> Explanation[Place]:
         """The same from an adjustment with one row out in place of several: far off, one looks like many."""
-        other = best.tests.one_for_several(best.chosen) if len(best.chosen) > 1 else []
-        if len(other) >= len(best.chosen):
+        other = best.tests.one_for_several(best.chosen) if len(best.chosen) > 1 else best.chosen
+        if len(other) == len(best.chosen):
             return best
         try:
             place, _ = self._adjusted(best.place, [change_of(best.tests, i) for i in other])
@@ -345,6 +346,9 @@ class Search(Generic[Place]):
         """What explains a model at a place: from nothing, from what is far off there, from rows alone."""
         off = suspects(tests) if is_robust and not first else []
         is_many = self._is_large and len(off) > self._policy.most  # nothing but them tells so many
+        if is_many and len(off) >= self._policy.begun:  # no rows explain it: what they share may
+            groups = suspected_blocks(tests)[: self._policy.few]
+            return tuple(sorted(select(tests, groups, most=self._policy.few)))
         if off and (self._is_spent or is_many):
             return tuple(sorted(select(tests, off)))
         found = [select(tests, first)]
