@@ -218,3 +218,34 @@ def test_images_most_of_whose_points_are_far_off_are_named(count, wanted):
     assert images_off(model, None).tolist() == wanted
     off[:36] = 7.0
     assert images_off(model, None).tolist() == []  # half of the block
+
+
+def test_a_held_parameter_that_is_taken_off_changes_equations_by_its_column():
+    model, _ = model_of(block_of(".*")[0])
+    with model.borrowed():
+        place = model.solution()
+        linear, columns = model.linearised(place, ())
+        before = linear.residuals.copy()
+        for index, size in zip(by_code(model)["I130"][:4], (0.05, 0.05, 0.05, 1e-5), strict=True):
+            own = columns.effect(model.hypotheses.of(index), np.array([size]))
+            without, _ = model.linearised(place, [Change(index, np.array([size]), np.ones(1))])
+            change = before - without.residuals
+            np.testing.assert_allclose(change, own, atol=2e-3 * np.abs(own).max())
+        again, _ = model.linearised(place, ())
+        np.testing.assert_allclose(again.residuals, before, atol=1e-9)
+
+
+def test_without_an_image_the_block_is_adjusted_as_if_it_had_never_been():
+    block, _ = block_of(n_images=5)
+    model, _ = model_of(block)
+    with model.borrowed():
+        model.leave_out(np.array([3]), model.solution())
+        place = model.solution()
+        model.numbering.equations.system.unknowns.restore(place.state)
+        found = model.numbering.equations.system.values(model.numbering.equations.centres)
+    other, _ = block_of(n_images=5)
+    other.sets[0] = other.sets[0].of_rows(other.sets[0].measures.image != 3)
+    wanted = other.solve().poses
+    rows = [int(name[1:]) for name in wanted.images]
+    assert 3 not in rows
+    np.testing.assert_allclose(found[rows], wanted.centres, atol=1e-5)

@@ -6,6 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from obseq.diagnosis.protocol import Change
+from obseq.report.tables.units import METRIC
+from obseq.survey.causes import slips
+from obseq.survey.causes.catalogue import ROW
 from obseq.survey.causes.effects import Effects
 from obseq.survey.causes.other_points import other_backsights, other_standpoint, other_target, readings_to
 from obseq.survey.kinds.registry import codes_where
@@ -120,3 +124,45 @@ def test_an_instrument_stood_on_another_point_where_all_that_was_read_fits_that_
     lost.notes.book.observations.to_points[:3] = 8  # of a point without a place
     assert other_standpoint(lost, rows, sigmas) is None
     assert other_standpoint(set_up(0, targets, horizon)[0], rows, sigmas) is None
+
+
+def read(changes, sigma=1e-5, row=None):
+    """Slips of the first reading that was changed, in a set-up of three targets with all else right."""
+    effects, right = set_up(0, [1, 3, 4], HORIZONS["leaning"])
+    rows, book = effects.notes.book.observations, effects.notes.book
+    rows.stations, rows.active = np.zeros(9, int), np.ones(9, bool)
+    book.point_names, book.label = "ABCDEFGH", "row {}".format
+    up = HORIZONS["leaning"][2]
+    effects.vectors[:] = PLACES[rows.to_points] - PLACES[0] + (RAISED - OWN) * up
+    for at, value in changes.items():
+        rows.values[at] = value
+    evidence = slips.Evidence(effects, right, METRIC, None)
+    own = SimpleNamespace(code=ROW, rows=np.array([next(iter(changes)) if row is None else row]))
+    found = slips.slips_of(own, Change(0, np.zeros(1), np.array([sigma])), evidence)
+    return [(one.code, one.text) for one in found if one.code in ("W108", "W112", "W113")]
+
+
+def test_a_reading_to_another_point_is_told_with_its_name():
+    seen = sight(0, 6, HORIZONS["leaning"])
+    assert read({3: seen[0]}) == [("W112", "read to G")]
+    assert read({4: seen[1]}) == [("W112", "read to G")]
+    assert read({5: seen[2]}, 0.005) == [("W112", "read to G")]
+    assert read({5: seen[2]}, 0.5) == []  # so near to one of all points is any length
+    assert read({3: seen[0] + 4e-5}) == []
+    assert read({3: sight(0, 3, HORIZONS["leaning"])[0] + 5e-5}) == []  # noise
+
+
+def test_two_readings_of_one_kind_and_set_up_are_exchanged():
+    one, other = (sight(0, target, HORIZONS["leaning"]) for target in (1, 4))
+    assert read({0: other[0], 6: one[0]}) == [("W113", "exchanged with row 6")]
+    assert read({6: one[0], 0: other[0]}) == [("W113", "exchanged with row 0")]
+    assert read({2: other[2], 8: one[2]}, 0.005) == [("W113", "exchanged with row 8")]
+    assert read({0: other[0], 6: one[0] + 1e-3}) == [("W112", "read to E")]
+
+
+def test_a_horizontal_distance_in_place_of_the_slope_distance_is_told():
+    east, north, _ = HORIZONS["leaning"] @ (PLACES[3] - PLACES[0])
+    flat = math.hypot(east, north)
+    assert sight(0, 3, HORIZONS["leaning"])[2] - flat > 1.0
+    assert read({5: flat}, 0.002) == [("W108", "the horizontal distance in place of the slope distance")]
+    assert read({5: flat + 0.007}, 0.002) == []

@@ -218,7 +218,8 @@ class EditedBlock(AdjustableBlock):
         ]
         for name, found in zip(what, every, strict=True):
             if not found.any():
-                known = {*self.camera_of, *self.control.names, *chain(*map(_point_names, self.sets))}
+                points = (part.measures.point_names for part in self.sets)
+                known = {*self.camera_of, *self.control.names, *chain(*points)}
                 word = "" if kind is None else f" of kind {kind}"
                 raise InputError(f"no observation{word} is called {nearest(name, known)}")
         if what:
@@ -227,10 +228,6 @@ class EditedBlock(AdjustableBlock):
             return Chosen(measures, np.logical_or.reduce([found.control for found in every]))
         of_images = tuple(np.full(len(part.measures), kind != "control") for part in self.sets)
         return Chosen(of_images, np.full(len(self.control.names), kind != "image"))
-
-
-def _point_names(part: MeasureSet) -> tuple[str, ...]:
-    return part.measures.point_names
 
 
 def _named(part: MeasureSet, name: str) -> BoolArray:

@@ -112,7 +112,6 @@ def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
 
 
 def _empty(result: LeastSquaresResult) -> AdjustmentRecord:
-    """The record of an adjustment without any survey."""
     return AdjustmentRecord(
         result.n_observations,
         result.n_constraints,

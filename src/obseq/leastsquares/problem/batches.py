@@ -195,7 +195,6 @@ class Batch:
             self._weigh()
 
     def _weigh(self) -> None:
-        """Weight = active / sigma."""
         whitening = None
         if self.clusters is not None:
             whitening = self.clusters.whitening(np.repeat(self._active, self.shape.n_residuals))
