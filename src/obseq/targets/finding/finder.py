@@ -10,10 +10,11 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.targets.drawing.drawings import bits_drawn
-from obseq.targets.finding.candidates import find_discs, find_spots
+from obseq.targets.finding.candidates import SURE, find_discs, find_spots
 from obseq.targets.finding.chequers import EITHER, ODD, RoughBits, bit_ink, chequered_discs, read_bits
 from obseq.targets.finding.covering import Covering, covered_by
 from obseq.targets.finding.distortion import with_one_distortion
+from obseq.targets.finding.fits import as_in_squares
 from obseq.targets.finding.levels import levels_of
 from obseq.targets.finding.measuring import FORGIVEN, Drawings, fit_drawing
 from obseq.targets.finding.rings import Reading, Unread, read_rings
@@ -40,6 +41,11 @@ SPOT_LIKE = 0.97
 """And the edge of a spot without code: of a square spot the drawing of a disc explains 0.96 at most."""
 FLAT = 1e7
 """Focal length for spots, pixels: one says nothing of its perspective, what is measured is its ellipse."""
+STEP = 2.0
+"""Grey levels of the steps in which a JPEG of quality 50 keeps means of squares of 8 pixels: its table
+has 16 for eight of them. Squares of flat paper differ so: four in chequers look like a target without ink."""
+FAINTEST = SURE * STEP / math.sqrt(3.0)
+"""Grey levels between sheet and ink at least: a bit is then `SURE` sigmas of such steps from its middle."""
 INSIDE = 0.6
 """Share of a sheet within which nothing else is looked for: of what overlaps, the best is kept at last."""
 SPOT = np.array([-1.0, 1.0, -1.0, 1.0])
@@ -250,7 +256,9 @@ class _Search:
         off = np.abs(ink.bits - bits_drawn(one.spec, reading.code))
         is_doubtful = (off > ODD) & (off < 1.0 - ODD) & (ink.foreign < FORGIVEN)
         oddest = max(oddest, float(off[~is_doubtful].max(initial=0.0)))
-        if likeness < LIKE:
+        if abs(fit.gain) < FAINTEST:
+            self._refuse(fit.placed, Unread(f"{reading.name}: grey levels of ink", abs(fit.gain), FAINTEST))
+        elif likeness < LIKE:
             self._refuse(fit.placed, Unread(f"{reading.name}: likeness", likeness, LIKE))
         elif oddest > ODD:
             self._refuse(fit.placed, Unread(f"{reading.name}: a part differs", oddest, ODD))
@@ -301,6 +309,7 @@ class _Search:
             )
             self._refuse(target.fit.placed, Unread(stage, target.fit.likeness, same.fit.likeness))
         fits = with_one_distortion([one.fit for one in self.targets], self.image.shape, self.focal)
+        fits = as_in_squares(fits)
         better = {id(one): replace(one, fit=fit) for one, fit in zip(self.targets, fits, strict=True)}
         best = {name: better[id(one)] for name, one in best.items()}
         refused = [one for one in self.refused if not self._is_taken(np.array([one.x, one.y]))]
