@@ -201,8 +201,7 @@ class Search(Generic[Place]):
         if best is None:
             return True
         is_one = best.is_accepted and len(best.chosen) == 1
-        count = max(len(best.chosen), self.count)
-        return not is_one and not (self._is_large and count >= self._policy.most)
+        return not is_one and not (self._is_large and len(best.chosen) >= self._policy.most)
 
     def _too_many(self, robust: Place) -> int:
         """How many rows are off at a robust place, if they are many and no few errors explain it.
@@ -346,9 +345,6 @@ class Search(Generic[Place]):
         """What explains a model at a place: from nothing, from what is far off there, from rows alone."""
         off = suspects(tests) if is_robust and not first else []
         is_many = self._is_large and len(off) > self._policy.most  # nothing but them tells so many
-        if is_many and len(off) >= self._policy.begun:  # no rows explain it: what they share may
-            groups = suspected_blocks(tests)[: self._policy.few]
-            return tuple(sorted(select(tests, groups, most=self._policy.few)))
         if off and (self._is_spent or is_many):
             return tuple(sorted(select(tests, off)))
         found = [select(tests, first)]
