@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable
+    from collections.abc import Collection, Generator, Iterable
 
     from coverage import Coverage
 
@@ -115,6 +115,10 @@ class Covered:
         """Tests of each line of a module, given by its path in the checkout."""
         contexts = self.lines.contexts_by_lineno(str(ROOT / module))
         return {line: self._tests(names) for line, names in contexts.items()}
+
+    def forget_others(self, there: Collection[str]) -> None:
+        """Forgets tests that are no more, or have other parameters than when they were measured."""
+        self.tests = {name: entry for name, entry in self.tests.items() if name in there}
 
     def seconds(self, test: str) -> float:
         """What a test takes of a processor."""

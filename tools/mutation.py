@@ -39,8 +39,6 @@ WIDE = ("test_stale_code", "test_architecture")
 """Tests that name modules of all rooms, whatever these do."""
 MODULE_SHARE = 0.4
 """Of the time of a change, for tests of its module that are not known to run its line."""
-USAGE = 4
-"""What pytest ends with where it finds a test no more: the map is older than the tests."""
 MEMORY = 6 << 30
 """Bytes that a changed program may take."""
 LIBRARIES = "numpy scipy.sparse.linalg scipy.spatial scipy.stats numba pyproj hypothesis pytest msgspec"
@@ -80,6 +78,7 @@ def main() -> int:
     covered = Covered()
     with tempfile.TemporaryDirectory() as folder:
         copy = copied(Path(folder))
+        covered.forget_others(tests_there(copy, covered))
         for name in arguments.rooms or known:
             found = sample(name, arguments.sample, arguments.seed)
             asked_for = [one for one in found if re.search(arguments.only, place(one))]
@@ -120,6 +119,29 @@ def copied(folder: Path) -> Path:
     return made
 
 
+def tests_there(copy: Path, covered: Covered) -> set[str]:
+    """Tests that the files of the map hold now."""
+    files = sorted({name.partition("::")[0] for name in covered.tests})
+    there = [name for name in files if (copy / name).exists()]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "--collect-only",
+        "-q",
+        "-n",
+        "0",
+        "-p",
+        "no:cacheprovider",
+        *there,
+    ]
+    environment = os.environ | {"PYTHONPATH": str(copy / "src")}
+    said = subprocess.run(
+        command, cwd=copy, env=environment, capture_output=True, text=True, check=False
+    ).stdout
+    return set(said.splitlines())
+
+
 def tried(changes: list[Change], copy: Path, covered: Covered, seconds: float) -> list[Outcome]:
     """What the tests say of each change; a test that fails unchanged too has no say."""
     prepare()
@@ -151,8 +173,8 @@ def outcome(change: Change, copy: Path, covered: Covered, tests: list[str]) -> O
     finally:
         path.write_text(before, encoding="utf-8")
         os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-    if end == "killed" and not by and (unchanged := asked(tests, copy, 600.0)) != ("survived", ""):
-        raise SystemExit(f"The tests of {change.module} do not run unchanged: {unchanged[1]}")
+    if end == "killed" and not by and asked(tests, copy, 600.0) != ("survived", ""):
+        raise SystemExit(f"The tests of {change.module} do not run unchanged: measure them anew.")
     return Outcome(change, end, by, len(tests), text)
 
 
@@ -199,10 +221,8 @@ def asked(tests: list[str], copy: Path, seconds: float) -> tuple[str, str]:
     if not process:
         _ask(tests, copy, temporary, seconds)
     code = _waited(process, 10.0 * seconds + 300.0)
-    noted, said = (temporary / name for name in ("failed", "said"))
+    noted = temporary / "failed"
     by = noted.read_text("utf-8") if noted.exists() else ""
-    if code == USAGE:
-        raise SystemExit(f"pytest: {said.read_text('utf-8')[-2000:]}")
     shutil.rmtree(temporary, ignore_errors=True)
     if code == 0:
         return "survived", ""
@@ -229,10 +249,9 @@ def _ask(tests: list[str], copy: Path, temporary: Path, seconds: float) -> None:
         os.setsid()
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        said = os.open(temporary / "said", os.O_WRONLY | os.O_CREAT)
-        os.dup2(said, 1)
-        os.dup2(said, 2)
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(nothing, stream)
         os.environ |= {"PYTHONPATH": str(copy / "src"), "TMPDIR": str(temporary)}
         tempfile.tempdir = str(temporary)
         sys.path.insert(0, str(copy / "src"))
@@ -246,7 +265,7 @@ def _ask(tests: list[str], copy: Path, temporary: Path, seconds: float) -> None:
 
 
 class Failed:
-    """A plugin of pytest that notes the test that failed, or the file that could not be read."""
+    """A plugin of pytest that notes the test that failed."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -255,8 +274,6 @@ class Failed:
         """Writes its name."""
         if getattr(report, "failed", False):
             self.file.write_text(getattr(report, "nodeid", ""), encoding="utf-8")
-
-    pytest_collectreport = pytest_runtest_logreport
 
 
 @cache

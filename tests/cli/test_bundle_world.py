@@ -81,6 +81,13 @@ def test_a_flight_in_a_national_system(tables, capsys):
     assert "heck points" in (tables / "out" / "bundle.html").read_text()
 
 
+def test_control_points_outside_the_area_of_their_system_are_said_without_being_asked(tables, capsys):
+    main(_options(tables, "--control-crs=EPSG:2056"))
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"warning: {tables / 'control.csv'}: " in said
+    assert "outside the area where 'EPSG:2056' is used" in said
+
+
 def test_check_points_are_no_control_points(tables, capsys):
     text = (tables / "control.csv").read_text() + (tables / "check.csv").read_text().split("\n", 1)[1]
     (tables / "control.csv").write_text(text)

@@ -275,3 +275,15 @@ def test_sizes_and_their_deviations_are_those_of_the_enlarged_model(rows):
     assert np.abs(sizes[5][0]) == pytest.approx(np.abs(wanted))
     assert sizes[5][1] == pytest.approx(spread)
     assert tests.sizes([]) == {}
+
+
+def test_one_row_takes_the_place_of_several_that_hide_it(rows):
+    own = np.zeros((N, 3))
+    own[:6] = np.random.default_rng(8).normal(size=(6, 3))  # unknowns that six rows see: three spare ones
+    rows = np.hstack([rows, own])
+    hypotheses = Hypotheses([Family.alone("T1", np.arange(N), is_start=True)])
+    columns = Columns(Sparse.of_dense(-np.eye(N)), np.ones(N, bool))
+    linear = linear_of(rows, planted(rows, {4: 400.0, 15: 50.0}))
+    tests = LinearTests(linear, columns, hypotheses, POLICY)
+    assert sorted(tests.one_for_several([0, 1, 2, 15])) == [4, 15]
+    assert tests.one_for_several([4, 15]) == [4, 15]

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from linear_model import BLOCK, DRIFT, Linearly, N, U, rows_of
 
-from obseq.diagnosis.engine import Search, diagnose
+from obseq.diagnosis.engine import Search, _stands_out, diagnose
+from obseq.diagnosis.explanation import Explanation
 from obseq.diagnosis.hypotheses import Family
+from obseq.diagnosis.judgement import noise as variance
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Slip
@@ -176,3 +178,44 @@ def test_a_small_effect_is_accused_only_where_nothing_else_accepts_the_model():
         verdict = diagnose(model)
         found.append((tests.cost < 60.0, *(len(told) for told in (verdict.remarks, verdict.accused))))
     assert found == [(True, 1, 0), (False, 0, 1)]
+
+
+def test_whether_an_effect_is_small_does_not_depend_on_what_else_is_wrong():
+    matrix, noise = rows_of(2)
+    noise *= 0.6
+    noise[:8] -= 1.4
+    for error in (0.0, 50.0):
+        noise[20] += error
+        model = Linearly(matrix, noise)
+        tests = LinearTests(*model.linearised(np.zeros(U), ()), model.hypotheses, POLICY)
+        assert tests.is_small(N, [20, N] if error else [N])
+        assert not tests.is_small(20, [20, N])
+    noise[:8] -= 3.0
+    model = Linearly(matrix, noise)
+    tests = LinearTests(*model.linearised(np.zeros(U), ()), model.hypotheses, POLICY)
+    assert not tests.is_small(N, [20, N])
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0, 7.0])
+def test_the_noise_is_that_of_the_equations_without_those_that_stand_out(factor):
+    matrix, errors = rows_of(3)
+    errors *= factor
+    errors[[4, 9]] += 1000.0 * factor
+    rest = np.setdiff1d(np.arange(N), [4, 9])
+    solved = np.linalg.lstsq(matrix[rest], errors[rest], rcond=None)[0]
+    left = np.sum((errors[rest] - matrix[rest] @ solved) ** 2)
+    assert variance(Linearly(matrix, errors)) == pytest.approx(left / (N - U - 2), rel=1e-6)
+
+
+def test_something_stands_out_where_it_exceeds_what_the_noise_of_the_rest_explains():
+    for seed in range(3):
+        matrix, noise = rows_of(20 + seed)
+        found = []
+        for factor, error in ((1.0, 0.0), (10.0, 0.0), (1.0, 60.0), (10.0, 600.0)):
+            changed = factor * noise
+            changed[3] += 300.0 * factor
+            changed[20] += error
+            model = Linearly(matrix, changed)
+            tests = LinearTests(*model.linearised(np.zeros(U), ()), model.hypotheses, POLICY)
+            found.append(_stands_out(Explanation(0.0, tests, (3,), None)))
+        assert found == [False, False, True, True]

@@ -96,6 +96,15 @@ def test_an_elevation_below_the_horizon_is_no_second_face(tmp_path, written_as, 
     assert values[1] == pytest.approx(kept * np.pi / 200, abs=1e-12)
 
 
+def test_beside_elevations_one_that_is_nearly_level_keeps_its_sign_too(tmp_path):
+    obs, cor = written(tmp_path)
+    text = obs.read_text().replace("6 S A 101.5912", "6 S A -3.5")
+    second = next(line for line in text.splitlines() if line.startswith("6 S B"))
+    obs.write_text(text.replace(second, " ".join([*second.split()[:3], "-0.4", *second.split()[4:]])))
+    found = Network.read(obs, cor).book.observations.values * 200 / np.pi
+    assert {-3.5, -0.4} <= set(np.round(found, 9).tolist())
+
+
 def test_tables_and_files_of_other_programs_are_looked_at_too():
     known = {"name": ["A", "B", "C"], "x": [0, 200, 180], "y": [0, 0, 150], "z": [10, 14, 8]}
     rows = {"type": ["Hz"] * 4, "from": ["S"] * 4, "to": ["A", "B", "A", "B"], "sigma": [1e-5] * 4}

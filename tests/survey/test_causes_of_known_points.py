@@ -1,6 +1,7 @@
 """Mistakes that known points, vectors or a set-up share: planted, and named with their size."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,14 @@ def test_what_is_wrong_with_all_known_points_cannot_be_left_out(tmp_path):
     adjustment = bench._survey(tmp_path, changed)[1]
     with pytest.raises(InputError, match="all known points"):
         without_accused(adjustment.points.points, adjustment.book, adjustment.diagnosis)
+
+
+@pytest.mark.slow
+def test_a_plan_in_feet_with_heights_in_metres_is_told_as_that(tmp_path):
+    site = networks.site(np.random.default_rng(SEED))
+    listed = {name: (x / 0.3048, y / 0.3048, z) for name, (x, y, z) in site.coordinates.items()}
+    (one,) = bench._survey(tmp_path, replace(site, coordinates=listed))[1].diagnosis.accused
+    assert one.what.startswith("plan of all") and [slip.code for slip in one.slips] == ["W106"]
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from obseq.survey.causes import slips
 from obseq.survey.causes.catalogue import KNOWN_PLAN
 from obseq.survey.causes.set_ups import CIRCLE, INSTRUMENT_HEIGHT, TARGET_HEIGHT
 from obseq.survey.causes.vector_slips import slips_of_vector
+from obseq.survey.causes.vectors import WHOLE_VECTOR
 
 
 def found(code, size, sigma, named=None, evidence=None):
@@ -145,3 +146,19 @@ def test_a_vector_is_turned_round_of_another_unit_or_of_another_point(written, w
 def test_of_a_vector_as_short_as_its_tolerance_neither_turn_nor_unit_is_told():
     assert vector(-RIGHT, -2.0 * RIGHT, tolerance=np.abs(RIGHT).max() / 21.0)
     assert not vector(-RIGHT, -2.0 * RIGHT, tolerance=np.abs(RIGHT).max() / 19.0)
+
+
+def test_a_vector_must_fit_to_what_is_known_of_it():
+    rows = SimpleNamespace(values=-RIGHT, from_points=np.zeros(3, int), to_points=np.ones(3, int))
+    book = SimpleNamespace(observations=rows, point_names="ABCD")
+    effects = SimpleNamespace(
+        notes=SimpleNamespace(book=book),
+        coordinates=PLACES,
+        axes=AXES,
+        horizons=np.tile(np.eye(3), (4, 1, 1)),
+        origins=np.zeros(3, int),
+    )
+    named, evidence = SimpleNamespace(rows=np.arange(3)), SimpleNamespace(effects=effects)
+    for off, told in ((0.029, ["W134"]), (0.032, [])):
+        size = np.add(-2.0 * RIGHT, [0.0, off, 0.0])
+        assert [code for code, _, _ in found(WHOLE_VECTOR.code, size, [0.01] * 3, named, evidence)] == told

@@ -90,7 +90,7 @@ def test_sizes_are_told_in_the_unit_in_which_they_are_small():
 
 
 def line_of(points):
-    """A traverse from known point 0 along points, each seen by its neighbours."""
+    """A traverse along points, each seen by its neighbours; those that are called K are known."""
     n = len(points)
     rows = SimpleNamespace(
         active=np.ones(2 * (n - 1), bool),
@@ -99,7 +99,12 @@ def line_of(points):
     )
     free = np.ones((n, 3), bool)
     free[[k for k, name in enumerate(points) if name == "K"]] = False
-    return SimpleNamespace(book=SimpleNamespace(observations=rows), points=Points(free))
+
+    def counts(chosen, size):
+        ends = np.append(rows.from_points[chosen], rows.to_points[chosen])
+        return np.bincount(ends, minlength=size)
+
+    return SimpleNamespace(book=SimpleNamespace(observations=rows, counts=counts), points=Points(free))
 
 
 class Points:

@@ -2,48 +2,22 @@
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from polar_network import network
 
-from obseq.survey import network_from_tables
 from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.other_system import other_system
 from obseq.survey.causes.rewriting import REWRITINGS, of_all_values, rewritten
+from obseq.survey.causes.scopes import SIGHT
+from obseq.survey.causes.set_ups import TARGET
 from obseq.survey.causes.values import _share_of_slips, explain, variants
 from obseq.survey.kinds.registry import BY_CODE, codes_where
 
-PLACES = {
-    "A": (100.0, 900.0, 5.0),
-    "B": (700.0, 950.0, 9.0),
-    "C": (650.0, 300.0, 14.0),
-    "D": (120.0, 340.0, 2.0),
-}
-PLACES |= {"P": (400.0, 600.0, 8.0)}
 ZENITH = np.radians([85.0, 92.0, 97.5])
 FALSE, TRUE = np.zeros(3, bool), np.ones(3, bool)
-
-
-def network(known="ABCD", stations="ABCDP"):
-    """Directions, zenith angles and slope distances and height differences from all stations to all."""
-    rows = []
-    for origin in stations:
-        for target in PLACES:
-            if target == origin:
-                continue
-            dx, dy, dz = np.subtract(PLACES[target], PLACES[origin])
-            azimuth, flat = math.atan2(dx, dy) % (2.0 * math.pi), math.hypot(dx, dy)
-            rows += [
-                ("Hz", origin, target, azimuth, 1e-5),
-                ("Zen", origin, target, math.atan2(flat, dz), 1e-5),
-                ("Dist", origin, target, math.hypot(flat, dz), 2e-3),
-                ("DH", origin, target, dz, 1e-3),
-            ]
-    places = {name: place if name in known else (None,) * 3 for name, place in PLACES.items()}
-    points = {"name": list(places)} | dict(zip("xyz", zip(*places.values(), strict=True), strict=True))
-    points |= {axis: [0.001 if name in known else None for name in places] for axis in ("sx", "sy", "sz")}
-    columns = ("type", "from", "to", "value", "sigma")
-    return network_from_tables(points, dict(zip(columns, zip(*rows, strict=True), strict=True)))
 
 
 def notes_of(net):
@@ -181,3 +155,39 @@ def test_a_digit_explains_by_chance_as_much_as_all_ways_of_it_cover():
     by_chance = min(len(tried), ways) * 2.0 * 0.004 / (2.0 * 345.67)
     assert told.chance == pytest.approx(max(share, by_chance), rel=0.2)
     assert explain(kind, 345.67, 325.67, 0.008).chance == pytest.approx(2.0 * told.chance, rel=0.1)
+
+
+def test_distances_that_are_switched_off_stay_what_they_are():
+    net = network()
+    rows = net.book.observations
+    active = np.arange(len(rows)) != 2
+    off = replace(net, book=replace(net.book, observations=replace(rows, active=active)))
+    found = rewritten(notes_of(off), net.point_system, np.zeros(len(rows)), np.zeros(5, int))
+    (slopes,) = [one for part in found for one in part if one.code == "S205"]
+    assert (
+        2 not in slopes.rows and slopes.book.observations.types[2] == rows.types[2] and len(slopes.rows) == 19
+    )
+
+
+def test_names_of_targets_may_be_wrong_in_every_set_up():
+    notes = notes_of(network())
+    groups = [group for group in TARGET.where(notes, notes.book.observations.active) if group.scope is SIGHT]
+    (sights,) = groups
+    origins = {int(notes.book.observations.from_points[sights.of(k)[0]]) for k in range(len(sights))}
+    assert origins == set(range(5))
+
+
+@pytest.mark.parametrize(("written", "code"), [(2.5, "W103"), (-7.3, "W103")])
+def test_an_elevation_in_degrees_is_told_from_one_in_gon(written, code):
+    (zenith,) = codes_where(lambda kind: kind.name == "Zen")
+    gon, degree = math.pi / 200.0, math.pi / 180.0
+    kind = BY_CODE[zenith]
+    assert explain(kind, written * gon, math.pi / 2.0 - written * gon, 1e-5).code == code
+    assert explain(kind, written * gon, math.pi / 2.0 - written * degree, 1e-5).code == "W132"
+
+
+def test_degrees_minutes_and_seconds_that_were_read_as_gon_are_told():
+    (direction,) = codes_where(lambda kind: kind.name == "Hz")
+    right = math.radians(123.0 + 47.0 / 60.0 + 38.0 / 3600.0)
+    found = explain(BY_CODE[direction], 123.4738 * math.pi / 200.0, right, 1e-6)
+    assert found is not None and found.code == "W111"

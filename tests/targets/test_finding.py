@@ -236,3 +236,30 @@ def test_what_is_lighter_than_the_mean_about_it(reach):
         for j in range(11)
     ]
     np.testing.assert_array_equal(found, image > np.array(around) + 10.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("contrast", [4.0, 12.0])
+def test_what_steps_of_a_jpeg_can_be_is_no_target(contrast: float) -> None:
+    """Means of squares of a JPEG of quality 50 have steps of 2 grey levels: two of them are no ink."""
+    camera = Camera("c", 200, 240, 900.0, [99.5, 119.5])  # type: ignore[arg-type]
+    right, down = np.array([0.04, 0.0, 0.0]), np.array([0.0, 0.04, 0.0])
+    middle = np.array([0.0, -0.02, 1.0])
+    sheet = Sheet(made("IGNDroneTop"), "21", middle, right, down, 110.0 + contrast, 110.0)
+    image, _ = photograph(camera, [sheet], Conditions(noise=0.3, ramp=0.0))
+    found = Finder([made("IGNDroneTop")]).find(image)
+    assert [one.name for one in found.targets] == (["21"] if contrast > 5.0 else [])
+    assert any("grey levels of ink" in one.stage for one in found.refused) == (contrast < 5.0)
+
+
+def test_noise_that_squares_have_in_common_is_in_the_covariance(sets, camera, scene) -> None:  # type: ignore[no-untyped-def]
+    """A grey level more or less for each square of 8 pixels: residuals grow little, sigmas much."""
+    image, _ = scene(camera, [sets["IGNIndoor"]])
+    squares = np.random.default_rng(3).normal(0.0, 4.0, [size // 8 + 1 for size in image.shape])
+    common = np.kron(squares, np.ones((8, 8)))[: image.shape[0], : image.shape[1]]
+    mixed = np.random.default_rng(4).permutation(common.ravel()).reshape(image.shape)
+    sigmas = []
+    for noise in (common, mixed):
+        found = Finder([sets["IGNIndoor"]]).find(np.clip(np.round(image + noise), 0, 255).astype(np.uint8))
+        sigmas.append(np.median([np.trace(one.covariance) / one.fit.sigma0**2 for one in found.targets]))
+    assert sigmas[0] > 2.0 * sigmas[1]

@@ -37,9 +37,12 @@ def test_no_class_has_lost(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "seed"), [("block: control digit", 71010), ("site: target", 71008)])
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("block: control digit", 71010), ("site: target", 71008), ("block: exchanged images", 1031)],
+)
 def test_what_no_start_leads_to_is_found_all_the_same(name, seed):
-    """A control point behind cameras; a point of two sights, one of which is to another."""
+    """A control point behind cameras; a point of two sights, one to another; four images from any poses."""
     found = bench.rates(name, [seed])
     assert found.verdicts == {"exact": 1}, found.plain()
 

@@ -90,7 +90,6 @@ def _of_result(arguments: argparse.Namespace) -> tuple[dict[Path, str | bytes], 
 
 
 def _doubt(record: "AdjustmentRecord") -> str:
-    """What is wrong with a result."""
     if errors := [error.what for error in record.gross_errors]:
         return f"gross errors are suspected, which spoil these coordinates, the worst in {errors[0]}"
     return "something is wrong with this adjustment; its report says what"

@@ -84,7 +84,6 @@ def _network(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> 
 
 
 def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
-    """The same of a block of images."""
     from obseq.images.output.block_record import block_record_of
     from obseq.images.output.page import contents, outcome
 
@@ -101,7 +100,6 @@ def _block(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> in
 
 
 def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
-    """The same of a plan."""
     from obseq.cli.networks.plan import exit_code, texts_of
     from obseq.report.planned import outcome
 
@@ -113,7 +111,6 @@ def _plan(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int
 
 
 def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) -> int:
-    """The same of a comparison."""
     from obseq.cli.networks.compare import exit_code, texts_of
     from obseq.report.compared import outcome
 
@@ -126,7 +123,6 @@ def _comparison(plain: object, arguments: argparse.Namespace, outputs: Outputs) 
 
 
 def _read(kind: type[Kind], plain: object, arguments: argparse.Namespace) -> Kind:
-    """The record of a plan or of a comparison."""
     version = structs.fields(kind)[-1].default
     if isinstance(plain, dict) and plain.get("version") != version:
         raise InputError(

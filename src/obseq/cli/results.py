@@ -152,7 +152,6 @@ def detail_of(arguments: argparse.Namespace, kind: str) -> Detail:
 
 
 def _tables(kind: str) -> tuple[str, ...]:
-    """The tables of all results of a kind."""
     from obseq.report.tables.content import TABLES
 
     if kind == "plan":

@@ -40,7 +40,6 @@ then, in the start file of the shell:
 
 
 def _formats() -> str:
-    """The formats of networks that are read and written."""
     from obseq.formats.catalogue import FORMATS
     from obseq.formats.conversion import NETWORK_WRITERS, RESULT_WRITERS
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import operator
-from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, cast, overload
 
 import numpy as np
 
@@ -12,12 +13,7 @@ from obseq.cached import cached_property
 from obseq.compilation.digests import Function
 from obseq.compilation.routines import Routine
 from obseq.compilation.settings import FAILED, OBJECT_HEADER
-from obseq.compilation.signatures import signature_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.compilation.signatures import Parameter
+from obseq.compilation.signatures import Parameter, signature_of
 
 F = TypeVar("F", bound="Callable[..., Any]")
 NUMBERS = {"int64": ctypes.c_int64, "float64": ctypes.c_double, "bool": ctypes.c_int64}

@@ -140,7 +140,6 @@ def _parameter(name: str, text: str) -> Parameter:
 
 
 def _text(annotation: object) -> str:
-    """An annotation as it is written."""
     if isinstance(annotation, str):
         return annotation
     name = getattr(annotation, "__forward_arg__", None)  # NamedTuple keeps them so

@@ -18,7 +18,17 @@ from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change, Place
-from obseq.diagnosis.selection import equals, gains, inside, is_less, merged, needed, select
+from obseq.diagnosis.selection import (
+    equals,
+    gains,
+    inside,
+    is_less,
+    merged,
+    needed,
+    select,
+    suspected_blocks,
+    suspects,
+)
 from obseq.diagnosis.verdict import ASTRAY, UNDETERMINED, Status, Verdict
 from obseq.errors import ObseqError, SingularSystemError
 
@@ -144,6 +154,8 @@ class Search(Generic[Place]):
         best = self._best
         if best is None:
             return self._by_a_slip()
+        if best.is_accepted and not self._is_spent:
+            best = self._best = self._with_one_for_several(best)
         if not self._is_wanted():
             return best
         if best.is_accepted and not self._is_spent:
@@ -160,7 +172,7 @@ class Search(Generic[Place]):
         Of two sights that place a point, one of them to another point, nothing else tells which is right.
         """
         place = self._robust(())
-        blocks = [] if place is None else _suspected_blocks(self._tests(place), for_a_slip=True)
+        blocks = [] if place is None else suspected_blocks(self._tests(place), for_a_slip=True)
         for index in blocks[: self._policy.trials]:
             assert place is not None
             start = self._robust((change_of(self._tests(place), index),))
@@ -206,7 +218,7 @@ class Search(Generic[Place]):
         is_shared = policy.half < max(shares, default=0.0) and count < policy.half * tests.linear.redundancy
         if count <= (policy.few if is_shared else policy.most):
             return 0
-        few = select(tests, _suspected_blocks(tests)[: policy.few], most=policy.few)
+        few = select(tests, suspected_blocks(tests)[: policy.few], most=policy.few)
         return 0 if _explain(tests, few) else count
 
     def _by_one(self, solution: Place) -> Explanation[Place] | None:
@@ -217,6 +229,18 @@ class Search(Generic[Place]):
         found = self._adapted(solution, is_robust=False)
         is_proved = found is not None and found.is_accepted and len(found.chosen) == 1
         return found if is_proved else None
+
+    def _with_one_for_several(self, best: Explanation[Place]) -> Explanation[Place]:
+        """The same from an adjustment with one row out in place of several: far off, one looks like many."""
+        other = best.tests.one_for_several(best.chosen) if len(best.chosen) > 1 else best.chosen
+        if len(other) == len(best.chosen):
+            return best
+        try:
+            place, _ = self._adjusted(best.place, [change_of(best.tests, i) for i in other])
+        except ObseqError:
+            return best
+        found, _ = self._settled(place, (), is_robust=True)
+        return better(best, found) or best
 
     def _in_place_of_several(self, best: Explanation[Place]) -> Explanation[Place]:
         """From a start without what is as good as each of several: far off, one error looks like many."""
@@ -319,16 +343,16 @@ class Search(Generic[Place]):
 
     def _selected(self, tests: LinearTests, first: list[int], *, is_robust: bool) -> tuple[int, ...]:
         """What explains a model at a place: from nothing, from what is far off there, from rows alone."""
-        suspects = _suspects(tests) if is_robust and not first else []
-        is_many = self._is_large and len(suspects) > self._policy.most  # nothing but them tells so many
-        if suspects and (self._is_spent or is_many):
-            return tuple(sorted(select(tests, suspects)))
+        off = suspects(tests) if is_robust and not first else []
+        is_many = self._is_large and len(off) > self._policy.most  # nothing but them tells so many
+        if off and (self._is_spent or is_many):
+            return tuple(sorted(select(tests, off)))
         found = [select(tests, first)]
-        if suspects:
-            found.append(select(tests, suspects))
-            if (blocks := merged(tests, suspects)) != suspects:  # more rows than are told one by one
+        if off:
+            found.append(select(tests, off))
+            if (blocks := merged(tests, off)) != off:  # more rows than are told one by one
                 found.append(select(tests, blocks))
-            if blocks := _suspected_blocks(tests):
+            if blocks := suspected_blocks(tests):
                 found.append(select(tests, blocks))
         best = _cheapest(tests, found)
         blocks = [i for i in best if self._hypotheses.is_block[i]]
@@ -359,27 +383,6 @@ def _explain(tests: LinearTests, chosen: Sequence[int]) -> bool:
 
 def _cheapest(tests: LinearTests, found: list[list[int]]) -> list[int]:
     return min(found, key=lambda chosen: tests.price(chosen))
-
-
-def _suspects(tests: LinearTests) -> list[int]:
-    """Rows that a robust place contradicts, the worst first: where backward elimination begins."""
-    which = np.flatnonzero(tests.hypotheses.is_start)
-    off = np.abs(tests.off[tests.hypotheses.columns])
-    worst = np.maximum.reduceat(off, tests.hypotheses.starts[:-1])[which] if len(off) else np.zeros(0)
-    order = np.argsort(-worst, kind="stable")
-    which = which[order][worst[order] > tests.policy.suspect]
-    return list(map(int, which[: tests.policy.begun]))
-
-
-def _suspected_blocks(tests: LinearTests, *, for_a_slip: bool = False) -> list[int]:
-    """Blocks most of whose rows a robust place contradicts, those with most first; or those for a slip."""
-    hypotheses = tests.hypotheses
-    count = hypotheses.counts(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect)
-    is_told = hypotheses.is_block & (hypotheses.needs_slip == for_a_slip) & tests.is_solved
-    which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
-    which = which[np.argsort(-count[which], kind="stable")]
-    left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy
-    return list(map(int, which[left]))
 
 
 def _stands_out(found: Explanation[Place]) -> bool:

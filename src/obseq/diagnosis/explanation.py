@@ -23,6 +23,7 @@ class Explanation(Generic[Place]):
         chosen: The hypotheses.
         place: Where the unknowns are.
         same: Other changes that explain as much, adjusted as what they are: with how much each takes.
+        is_told: Whether it was asked if slips explain blocks in place of their rows.
     """
 
     price: float
@@ -30,6 +31,7 @@ class Explanation(Generic[Place]):
     chosen: tuple[int, ...]
     place: Place
     same: tuple[tuple[Change, float], ...] = ()
+    is_told: bool = False
 
     @property
     def left(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +40,9 @@ def judged(model: Model[Place], found: Explanation[Place], reason: str) -> Verdi
     if not is_accepted and len(chosen) >= found.tests.policy.most:
         spare, said = found.tests.linear.redundancy, f"{reason}; {MANY}" if reason else MANY
         return Verdict(Status.UNEXPLAINED, (), found.tests.cost, spare, said, many=len(chosen))
-    found = with_slips(model, Explanation(found.price, found.tests, tuple(chosen), found.place, found.same))
+    if tuple(chosen) != found.chosen:
+        found = replace(found, chosen=tuple(chosen), is_told=False)
+    found = with_slips(model, found)
     chosen, tests = list(found.chosen), found.tests
     left = max(tests.cost - tests.took(chosen), 0.0)  # a difference of large numbers where little is left
     if is_accepted and chosen and left + tests.due(chosen) / tests.scale > _of_sigmas(tests):
@@ -104,7 +107,7 @@ def _beyond_noise(found: Explanation[Place]) -> list[int]:
 def with_slips(model: Model[Place], found: Explanation[Place]) -> Explanation[Place]:
     """The same with a block in place of its rows where a slip explains it: a name, say."""
     tests = found.tests
-    for other in for_a_slip(tests, found.chosen):
+    for other in () if found.is_told else for_a_slip(tests, found.chosen):
         (block,) = (i for i in other if i not in found.chosen)
         sizes = tests.sizes(other)
         try:
@@ -114,7 +117,7 @@ def with_slips(model: Model[Place], found: Explanation[Place]) -> Explanation[Pl
         if any(slip.is_strong for slip in model.slips(Change(block, *sizes[block]), place)):
             explained = Explanation(tests.price(other), tests, tuple(other), place, found.same)
             return with_slips(model, explained)
-    return found
+    return replace(found, is_told=True)
 
 
 def _accusation(

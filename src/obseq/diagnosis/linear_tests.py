@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obseq.cached import cached_property
-from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import joint
-from obseq.diagnosis.given import Given
+from obseq.diagnosis.given import Given, Tested
 from obseq.leastsquares.statistics.joint_levels import joint_critical, shared_level
 
 if TYPE_CHECKING:
@@ -37,21 +36,6 @@ _KEPT, _KEPT_OF_LARGE = 8, 3
 """Sets of accepted hypotheses that are kept: each is asked for again. Three follow from one another."""
 _TINY, _NOTHING = 1e-300, 1e-10
 """Smallest length of a column; share of its weight in place of none, where others do the same."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """T of all hypotheses.
-
-    Attributes:
-        statistic: (h,) T; 0 where nothing shows it.
-        limit: (h,) K that it must exceed.
-        noise: (h,) what it takes of the noise, on average.
-    """
-
-    statistic: FloatArray
-    limit: FloatArray
-    noise: FloatArray
 
 
 class LinearTests:
@@ -222,7 +206,7 @@ class LinearTests:
         if more is not None:
             return self.given(more).with_less(self._own_columns(chosen))
         rest = next((key for key, held in known.items() if held < own), ())
-        before = self._given[rest] if rest else Given(np.zeros((0, len(self.shown))), self.shown, np.zeros(0))
+        before = self._given[rest] if rest else Given.nothing(self.shown)
         if not chosen:
             return before
         columns = self._own_columns([i for i in chosen if i not in rest])
@@ -237,7 +221,7 @@ class LinearTests:
         statistic, degrees = np.zeros(len(self.hypotheses)), np.ones(len(self.hypotheses), np.int32)
         statistic[self._single] = alone[self._at_single]
         for which, columns, grams in self._sets:
-            across = given.basis[:, columns].transpose(1, 0, 2)
+            across = given.basis(columns).transpose(1, 0, 2)
             left = np.nan_to_num(grams) - across.transpose(0, 2, 1) @ across
             found, rank, sizes = joint(left, given.shown[columns], self.policy.unseen)
             size = np.linalg.norm(sizes / self.norm[columns], axis=1)
@@ -247,7 +231,8 @@ class LinearTests:
             own = self.hypotheses.of(i)
             if i not in self._grams:
                 self._grams[i] = self._columns.gram(self.linear, own)
-            left = self._grams[i] - given.basis[:, own].T @ given.basis[:, own]
+            basis = given.basis(own)
+            left = self._grams[i] - basis.T @ basis
             found, rank, _ = joint(left[None], given.shown[own][None], self.policy.unseen)
             statistic[i], degrees[i] = found[0], rank[0]
         statistic[list(skip)] = 0.0
@@ -265,7 +250,7 @@ class LinearTests:
     def _left_of_weights(self, given: Given) -> FloatArray:
         """(k,) M of each column alone, the accepted hypotheses being unknowns."""
         self._weigh(given.shown)
-        return np.asarray(np.nan_to_num(self._weight) - np.einsum("ij,ij->j", given.basis, given.basis))
+        return np.asarray(np.nan_to_num(self._weight) - given.squares)
 
     def within(self, chosen: Sequence[int], index: int) -> IntArray:
         """Hypotheses of one column that are no more than special cases of one of several columns."""
@@ -290,6 +275,28 @@ class LinearTests:
             before = np.cumsum(self.hypotheses.q[found]) - self.hypotheses.q[found]
             found = found[before < self.policy.begun]
         return list(map(int, found))
+
+    def one_for_several(self, chosen: Sequence[int]) -> list[int]:
+        """Some hypotheses, with one row in place of several of them that hide it: the one that explains most.
+
+        A row that nothing checks once they are accepted may be wrong in their place.
+        """
+        given, own = self.given(chosen), self._own_columns(chosen)
+        weight, unseen = np.nan_to_num(self._weight), self.policy.unseen
+        is_hidden = (weight > unseen) & (weight - given.squares <= unseen)
+        rows = [i for i in self._single[is_hidden[self._at_single]].tolist() if i not in set(chosen)]
+        rows = [i for i in rows if self.hypotheses.is_start[i]]
+        columns = self.hypotheses.columns[self.hypotheses.starts[rows]]
+        across = np.array([self._across[k][columns] for k in own.tolist()]).reshape(len(own), len(rows))
+        parts = np.abs(np.linalg.pinv(self._gram(own), unseen, hermitian=True) @ across)
+        is_part = parts > self.policy.share * parts.max(axis=0, initial=0.0)
+        now, others = list(chosen), list[int]()
+        for k in np.argsort(-(self.shown[columns] ** 2) / weight[columns], kind="stable").tolist():
+            held = set(own[is_part[:, k]].tolist())
+            instead = [i for i in now if not held.isdisjoint(self.hypotheses.of(i).tolist())]
+            if len(instead) > 1:
+                now, others = [i for i in now if i not in instead], [*others, rows[k]]
+        return [*now, *others]
 
     def rank(self, index: int) -> int:
         """Degrees of freedom of a hypothesis alone."""

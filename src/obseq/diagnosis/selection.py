@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from obseq.arrays import IntArray
-    from obseq.diagnosis.linear_tests import LinearTests, Tested
+    from obseq.diagnosis.given import Tested
+    from obseq.diagnosis.linear_tests import LinearTests
 
 _TOLERANCE = 1e-6
 """Relative difference of prices that is rounding."""
@@ -190,3 +191,24 @@ def inside(tests: LinearTests, chosen: Sequence[int], block: int) -> list[int]:
     """Those of some hypotheses all of whose columns a block has."""
     own = set(tests.hypotheses.of(block).tolist())
     return [i for i in chosen if i != block and set(tests.hypotheses.of(i).tolist()) <= own]
+
+
+def suspects(tests: LinearTests) -> list[int]:
+    """Rows that a robust place contradicts, the worst first: where backward elimination begins."""
+    which = np.flatnonzero(tests.hypotheses.is_start)
+    off = np.abs(tests.off[tests.hypotheses.columns])
+    worst = np.maximum.reduceat(off, tests.hypotheses.starts[:-1])[which] if len(off) else np.zeros(0)
+    order = np.argsort(-worst, kind="stable")
+    which = which[order][worst[order] > tests.policy.suspect]
+    return list(map(int, which[: tests.policy.begun]))
+
+
+def suspected_blocks(tests: LinearTests, *, for_a_slip: bool = False) -> list[int]:
+    """Blocks most of whose rows a robust place contradicts, those with most first; or those for a slip."""
+    hypotheses = tests.hypotheses
+    count = hypotheses.counts(np.abs(tests.off[hypotheses.columns]) > tests.policy.suspect)
+    is_told = hypotheses.is_block & (hypotheses.needs_slip == for_a_slip) & tests.is_solved
+    which = np.flatnonzero(is_told & (count >= np.maximum(2.0, tests.policy.whole * hypotheses.q)))
+    which = which[np.argsort(-count[which], kind="stable")]
+    left = np.cumsum(hypotheses.q[which]) < tests.policy.half * tests.linear.redundancy
+    return list(map(int, which[left]))

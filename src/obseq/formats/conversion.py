@@ -146,7 +146,6 @@ def as_dynaml(network: Network, frame: str | None = None, epoch: str = "") -> Dy
 
 
 def _frame_name(network: Network) -> str:
-    """The name of the reference frame of the points."""
     from obseq.crs.operations import known_crs
 
     definition = network.points_crs.definition

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,19 +27,15 @@ from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.datum import Datum, DatumKind
 from obseq.survey.grid_bearings import from_grid_north
 from obseq.survey.kinds.vectors import VECTOR
-from obseq.survey.model import merge_points
+from obseq.survey.model import Points, merge_points
 from obseq.survey.network import Network
 from obseq.survey.point_file_options import PointFileOptions
 
 LEAST_TURN = 1e-4
 """Metres at the end of a vector from which turned axes are told: rounding of the files is less."""
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
 
-    from obseq.survey.model import Points
-
-    Files = str | Path | Sequence[str | Path]
+Files = str | Path | Sequence[str | Path]
 
 
 def read_network(

@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from itertools import chain
 from pathlib import PurePath
-from typing import TYPE_CHECKING
+from typing import Self
 
 import numpy as np
 
 from obseq.arguments import FUNCTION, NOTHING, NUMBER, TEXT, TEXTS, WHOLE, expecting, instance, weights_factor
+from obseq.arrays import BoolArray, IntArray
 from obseq.boundary import Boundary
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.images.adjusted import AdjustedBlock
 from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.diagnosing.diagnosis import diagnosed, silent
 from obseq.images.diagnosing.refusals import explained
+from obseq.images.parts import MeasureSet
 from obseq.leastsquares import Blocks
 from obseq.leastsquares.problem.losses import named_loss
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from typing import Self
-
-    from obseq.arrays import BoolArray, IntArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.parts import MeasureSet
-    from obseq.reading.origin import Origin
+from obseq.reading.origin import Origin
 
 ARROWS = ("->", "\u2192")
 KINDS = ("image", "control")
@@ -222,7 +218,8 @@ class EditedBlock(AdjustableBlock):
         ]
         for name, found in zip(what, every, strict=True):
             if not found.any():
-                known = {*self.camera_of, *self.control.names, *chain(*map(_point_names, self.sets))}
+                points = (part.measures.point_names for part in self.sets)
+                known = {*self.camera_of, *self.control.names, *chain(*points)}
                 word = "" if kind is None else f" of kind {kind}"
                 raise InputError(f"no observation{word} is called {nearest(name, known)}")
         if what:
@@ -231,10 +228,6 @@ class EditedBlock(AdjustableBlock):
             return Chosen(measures, np.logical_or.reduce([found.control for found in every]))
         of_images = tuple(np.full(len(part.measures), kind != "control") for part in self.sets)
         return Chosen(of_images, np.full(len(self.control.names), kind != "image"))
-
-
-def _point_names(part: MeasureSet) -> tuple[str, ...]:
-    return part.measures.point_names
 
 
 def _named(part: MeasureSet, name: str) -> BoolArray:

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from obseq.arguments import NUMBER, require
 from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.leastsquares.problem.losses import Attenuated
+from obseq.images.measures import ImagePoints
+from obseq.images.poses import Poses
+from obseq.leastsquares.problem.losses import Attenuated, Loss
+from obseq.reading.origin import Origin
 
 if TYPE_CHECKING:
     import re
-    from collections.abc import Collection, Iterator, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.images.measures import ImagePoints
-    from obseq.images.poses import Poses
-    from obseq.leastsquares.problem.losses import Loss
-    from obseq.reading.origin import Origin
 
 
 class Approximations(Mapping[str, FloatArray]):

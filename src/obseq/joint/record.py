@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import structs
 
 from obseq import crs
+from obseq.joint.named import Column, NamedEquation
+from obseq.joint.solution import Solved
+from obseq.leastsquares import Batch, LeastSquaresResult, Reliability
+from obseq.leastsquares.problem.priors import Prior
 from obseq.leastsquares.statistics.ellipses import ellipses_of
+from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
 from obseq.records.adjustment import (
     AdjustmentRecord,
     ConstraintRecord,
@@ -20,7 +26,7 @@ from obseq.records.adjustment import (
     defined,
     new_run,
 )
-from obseq.records.diagnosis import KnownRecord, PlaceRecord
+from obseq.records.diagnosis import DiagnosisRecord, KnownRecord, PlaceRecord, SuspectRecord
 from obseq.records.rows import Rows
 from obseq.stopwatch import Stopwatch
 from obseq.survey.adjustment.adjusted_quality import (
@@ -39,17 +45,7 @@ from obseq.survey.adjustment.computation import Computation
 from obseq.survey.adjustment.quality import Quality
 from obseq.survey.equations.frame import Frame
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.joint.named import Column, NamedEquation
-    from obseq.joint.solution import Solved
-    from obseq.leastsquares import Batch, LeastSquaresResult, Reliability
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
-    from obseq.records.diagnosis import DiagnosisRecord, SuspectRecord
-
-    Tested = Sequence[ObservationReliability[Batch | Prior]]
+Tested = Sequence[ObservationReliability[Batch | Prior]]
 
 IMAGES = "image points are observations too: the record of the block lists them (`block()`)"
 NOT_LISTED = "observations of {} are listed by no value in m or rad: their types alone are told"
@@ -116,7 +112,6 @@ def record_of(solution: Solved, title: str | None = None) -> AdjustmentRecord:
 
 
 def _empty(result: LeastSquaresResult) -> AdjustmentRecord:
-    """The record of an adjustment without any survey."""
     return AdjustmentRecord(
         result.n_observations,
         result.n_constraints,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import importlib
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from types import ModuleType
 
 from obseq.cached import cached_property
 from obseq.compilation.digests import CONTRACT, Function
@@ -13,12 +14,7 @@ from obseq.compilation.signatures import KERNEL
 from obseq.dataclass import dataclass
 from obseq.errors import FormulaError, nearest
 from obseq.kernels import index, ondemand, provenance
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from types import ModuleType
-
-    from obseq.kernels.layout import Block, Input
+from obseq.kernels.layout import Block, Input
 
 
 @dataclass(frozen=True)

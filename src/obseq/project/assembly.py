@@ -60,7 +60,7 @@ def assembled(
     block = BundleAdjustment()
     block.add_cameras(*cameras.values())
     block.add_poses(poses)
-    rays = Counter(name for _, measures, _ in parts for name in _point_of_each(measures))
+    rays = Counter(measures.point_names[k] for _, measures, _ in parts for k in measures.point)
     _add_points(block, tree, options, control, rays, definition)
     for part, measures, folder in parts:
         weighting = None
@@ -103,10 +103,6 @@ def _tracks(tree: ProjectTree, part: Set2D, selection: str) -> ImagePoints:
     if not used.any():
         raise InputError(f"{selection!r}: no image with tie points in {folder} has such a name")
     return tracks.rows(used[tracks.image])
-
-
-def _point_of_each(measures: ImagePoints) -> list[str]:
-    return [measures.point_names[k] for k in measures.point]
 
 
 def _coded(measures: ImagePoints, control: ControlPoints) -> ImagePoints:

@@ -3,41 +3,31 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
-from obseq.images import ControlPoints
+from obseq.images import BundleSolution, ControlPoints
+from obseq.images.adjustment.surveys import JoinedSurvey
 from obseq.project.assembly import block_files, instrument_file
 from obseq.project.cameras import orientation_files
-from obseq.project.instruments.blocks import read_instrument_block
+from obseq.project.instruments.blocks import InstrumentBlock, read_instrument_block
 from obseq.project.instruments.boresights import adjusted_boresights, read_boresights
 from obseq.project.instruments.joining import ENTRIES
 from obseq.project.instruments.rigid_blocks import block_text, pose_tree, read_block
-from obseq.project.layout import MEASURES
+from obseq.project.layout import MEASURES, ProjectTree
 from obseq.project.networks import adjusted_sets, control_of
+from obseq.project.options.bundle_options import BundleOptions
 from obseq.project.points import NO_SYSTEM, measure_copies, read_system, system_text
 from obseq.project.topo import OUTPUT, AdjustedTopo, topo_text
-from obseq.project.tree import data_text
+from obseq.project.tree import Tree, data_text
 from obseq.survey import automatic_fix
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from obseq.arrays import FloatArray
-    from obseq.images import BundleSolution
-    from obseq.images.adjustment.surveys import JoinedSurvey
-    from obseq.project.layout import ProjectTree
-    from obseq.project.options.bundle_options import BundleOptions
-
-    Files = dict[Path, str | bytes]
-    from collections.abc import Iterable
-
-    from obseq.images.rigid import Sigmas
-    from obseq.project.instruments.blocks import InstrumentBlock
-    from obseq.project.tree import Tree
+Files = dict[Path, str | bytes]
 
 
 @dataclass(frozen=True)
@@ -83,7 +73,8 @@ class Results:
             if part.out and part.with_measures:
                 target = self.tree.folder(MEASURES, part.out)
                 files |= measure_copies(self.tree.measures(part.folder), target)
-        return files | self._rigid(solution) | self._instruments(solution) | self._topo(solution)
+        files |= self._rigid(solution) | self._instrument(solution) | self._boresights(solution)
+        return files | self._topo(solution)
 
     def _definition(self) -> str:
         """The system of the orientation, or that of the points where it has none."""
@@ -104,10 +95,6 @@ class Results:
                 adjusted, as_json=self.as_json
             )
         return files
-
-    def _instruments(self, solution: BundleSolution) -> Files:
-        """The adjusted instrument block and clinometers, where options ask for them."""
-        return self._instrument(solution) | self._boresights(solution)
 
     def _boresights(self, solution: BundleSolution) -> Files:
         given = self.options.boresights
@@ -244,8 +231,4 @@ def _sums(solution: BundleSolution, name: str) -> Sums:
     shifts = np.linalg.norm(found.translations, axis=1)
     turns = 2.0 * ENTRIES * np.sin(np.linalg.norm(found.rotations, axis=1) / 2.0)
     rows = {pair: [k for k, other in enumerate(found.cameras) if other == pair] for pair in found.cameras}
-    return {pair: (len(own), *_totals(shifts[own], turns[own])) for pair, own in rows.items()}
-
-
-def _totals(shifts: np.ndarray, turns: np.ndarray) -> Sigmas:
-    return float(shifts.sum()), float(turns.sum())
+    return {p: (len(own), float(shifts[own].sum()), float(turns[own].sum())) for p, own in rows.items()}

@@ -238,7 +238,6 @@ class _Builder:
             children.clear()
 
     def _begin(self, name: str, given: dict[str, str]) -> None:
-        """An element begins."""
         for key, value in given.items():
             if not value.isascii():
                 given[key] = composed(value)
@@ -254,7 +253,6 @@ class _Builder:
         self._open.append((element, children, []))
 
     def _end(self, _: str) -> None:
-        """It ends."""
         element, children, texts = self._open.pop()
         if children:
             element.children = children
@@ -264,7 +262,6 @@ class _Builder:
             self._open[-1][1].append(element)
 
     def _hold(self, content: str) -> None:
-        """Text stands in it."""
         if self._open:
             self._open[-1][2].append(content)
 

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from obseq.printable import printable_line
-
-if TYPE_CHECKING:
-    from obseq.report.tables.units import Units
+from obseq.report.tables.units import Units
 
 _PLACE = re.compile(r"\{\{(\w+)\|([^|{}]+)\|(\d*)\}\}")
 

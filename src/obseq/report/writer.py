@@ -183,7 +183,6 @@ def _parts(columns: list[Printed]) -> Iterator[list[Printed]]:
 
 
 def _block(columns: Sequence[Printed]) -> Iterator[str]:
-    """Titles, units and rows."""
     widths = [column.width for column in columns]
     heads: list[Sequence[str]] = [[column.title for column in columns]]
     if any(column.unit for column in columns):

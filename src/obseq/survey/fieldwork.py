@@ -279,19 +279,25 @@ class Fieldwork:
     ) -> Computed:
         """The adjustment from the initial values; where that fails, from where a robust estimate leads.
 
-        Where this contradicts most of what is given, no adjustment from there is looked for.
+        What has not arrived after a dozen iterations goes on, or is begun there, only if the robust place
+        does not contradict most of what is given.
         """
         failed: ObseqError | None = None
         found: Computed | None = None
+        first = replace(computation, max_iterations=min(computation.max_iterations, _DOZEN))
         try:
-            found = computation.computed(model.as_given, equations, strict=strict)
+            found = first.computed(model.as_given, equations, strict=strict)
         except ObseqError as error:
             failed = error
         if found is not None and _is_sound(found):
             return found
         with computation.watch.phase("diagnosis"):
-            is_hopeless = found is not None and boundary.attempt(_DIAGNOSIS, model.is_contradicted, False)
-            start = None if is_hopeless else boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
+            if found is not None and boundary.attempt(_DIAGNOSIS, model.is_contradicted, False):
+                return found
+        if found is not None and _is_sound(found := found.continued(computation, strict=strict)):
+            return found
+        with computation.watch.phase("diagnosis"):
+            start = boundary.attempt(_DIAGNOSIS, lambda: started(model), None)
         if start is not None:
             try:
                 again = computation.computed(start, strict=strict)
@@ -372,6 +378,10 @@ class Fieldwork:
 
     def _equations(self, start: Determined) -> Equations:
         return equations_of(self.frame, self.point_system, start)
+
+
+_DOZEN = 12
+"""Iterations within which an adjustment without gross errors arrives."""
 
 
 def _is_sound(found: Computed) -> bool:

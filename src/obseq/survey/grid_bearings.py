@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from obseq import crs
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.survey.equations.frame import RTL_HINT
+from obseq.survey.fieldwork import Fieldwork
 from obseq.survey.kinds.registry import among, codes_where
+from obseq.survey.model import FieldBook
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from obseq.arrays import FloatArray
-    from obseq.survey.fieldwork import Fieldwork
-    from obseq.survey.model import FieldBook
-
-    Rows = npt.NDArray[np.intp]
+Rows = npt.NDArray[np.intp]
 
 
 def from_grid_north(fieldwork: Fieldwork) -> FieldBook:

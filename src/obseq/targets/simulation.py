@@ -12,6 +12,7 @@ from obseq.errors import InputError
 from obseq.targets.drawing.drawings import figure_of, inked_bits
 from obseq.targets.drawing.legend import legend_places
 from obseq.targets.drawing.painting import paint_places
+from obseq.targets.drawing.rendering import lattice
 from obseq.targets.specification import extent
 
 if TYPE_CHECKING:
@@ -190,15 +191,17 @@ def _shade(part: Array, camera: Camera, sheet: Sheet, corner: Array, frame: Floa
     part[:] = (1.0 - share) * part + paper
 
 
-def _seen(rays: Array, sheet: Sheet, lattice: tuple[int, int]) -> tuple[Array, Array]:
+def _seen(rays: Array, sheet: Sheet, sizes: tuple[int, int]) -> tuple[Array, Array]:
     """The share of each pixel that a sheet covers, and its grey levels times that.
 
     Args:
         rays: (..., 4, 3) of the corners of the pixels, in the frame of the sheet.
         sheet: what is seen.
-        lattice: number of the places in a pixel that are looked at, and its generator.
+        sizes: number of the places in a pixel that are looked at, and the generator of their lattice.
     """
-    meets = (_within(*lattice) @ rays.reshape(-1, 4, 3)).reshape(-1, 3)
+    x, y = lattice(*sizes).T + 0.5
+    within = np.column_stack(((1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y))
+    meets = (within @ rays.reshape(-1, 4, 3)).reshape(-1, 3)
     depth = np.where(meets[:, 2] > 0.0, meets[:, 2], np.nan)
     places = np.ascontiguousarray(meets[:, :2] / depth[:, None])
     left, right, top, bottom = sheet.spec.geometry.sheet
@@ -213,15 +216,8 @@ def _seen(rays: Array, sheet: Sheet, lattice: tuple[int, int]) -> tuple[Array, A
     if sheet.hidden:
         limit = left + sheet.hidden * (right - left)
         grey = np.where(u + 0.5 * v < limit, 0.6 * sheet.black + 0.4 * sheet.white, grey)
-    shape = (*rays.shape[:-2], lattice[0])
+    shape = (*rays.shape[:-2], sizes[0])
     return inside.reshape(shape).mean(axis=-1), np.where(inside, grey, 0.0).reshape(shape).mean(axis=-1)
-
-
-def _within(count: int, generator: int) -> FloatRows:
-    """(count, 4) shares of the corners of a pixel at each place of a lattice in it."""
-    k = np.arange(count)
-    x, y = (k + 0.5) / count, ((k * generator) % count + 0.5) / count
-    return np.column_stack(((1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y))
 
 
 def _truth(camera: Camera, sheet: Sheet, axes: FloatRows) -> Truth:

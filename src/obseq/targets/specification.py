@@ -206,6 +206,11 @@ class Specification:
         mask = _mask(is_readable)
         return len({code & mask for code in self.turns}) / float(1 << int(is_readable.sum()))
 
+    @cached_property
+    def letters(self) -> int:
+        """Number of the letters of its longest name."""
+        return max(map(len, self.codes))
+
     def code_of(self, name: str) -> int:
         """The code of a name.
 
@@ -232,6 +237,12 @@ def _even(pixels: float) -> int:
     """Rounded so that the reduced drawing has whole and even sizes."""
     step = 2 * REDUCTION
     return step * math.floor(pixels / step + 0.5)
+
+
+def are_set(word: int, bits: int) -> BoolArray:
+    """(bits,) which bits of a word are 1."""
+    found: BoolArray = (word >> np.arange(bits)) & 1 == 1
+    return found
 
 
 def _mask(bits: BoolArray) -> int:

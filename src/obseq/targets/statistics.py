@@ -37,6 +37,8 @@ class Row:
     Attributes:
         visible: targets of which nothing is hidden.
         found: of these, under their names.
+        hidden: targets of which a part is hidden.
+        uncovered: of these, under their names.
         wrong: names that are not where they were found.
         rms: of the distance to the true centre, pixels.
         stated: the same as the covariances state it.
@@ -45,6 +47,8 @@ class Row:
 
     visible: int
     found: int
+    hidden: int
+    uncovered: int
     wrong: int
     rms: float
     stated: float
@@ -56,25 +60,28 @@ def summary(trials: Sequence[Trial], sizes: tuple[float, float] = (0.0, math.inf
     errors: list[float] = []
     stated: list[float] = []
     ratios: list[float] = []
-    visible = wrong = 0
+    visible = hidden = uncovered = wrong = 0
     for trial in trials:
         names = {target.name: target for target in trial.found.targets}
         mine = [one for one in trial.truths if sizes[0] <= one.size < sizes[1]]
+        hidden += sum(one.hidden > 0.0 for one in mine)
         visible += sum(one.hidden == 0.0 for one in mine)
         for one in mine:
             target = names.get(one.name)
-            if target is None or one.hidden:
+            if target is None or not _is_at(target, one):
+                continue
+            if one.hidden:
+                uncovered += 1
                 continue
             error = target.centre - one.centre
-            if math.hypot(*error) > NEAR:
-                continue
             errors.append(float(error @ error))
             stated.append(float(np.trace(target.covariance)))
             ratios.append(float(error @ np.linalg.solve(target.covariance, error)) / 2.0)
         wrong += sum(_is_wrong(target, trial.truths) for target in _of_sizes(names.values(), sizes))
     rms = math.sqrt(float(np.mean(errors))) if errors else math.nan
     said = math.sqrt(float(np.mean(stated))) if stated else math.nan
-    return Row(visible, len(errors), wrong, rms, said, float(np.mean(ratios)) if ratios else math.nan)
+    ratio = float(np.mean(ratios)) if ratios else math.nan
+    return Row(visible, len(errors), hidden, uncovered, wrong, rms, said, ratio)
 
 
 def _of_sizes(targets: Iterable[Target], sizes: tuple[float, float]) -> list[Target]:
@@ -82,17 +89,19 @@ def _of_sizes(targets: Iterable[Target], sizes: tuple[float, float]) -> list[Tar
 
 
 def _is_wrong(target: Target, truths: Sequence[Truth]) -> bool:
-    return not any(
-        one.name == target.name and math.hypot(*(one.centre - target.centre)) <= NEAR for one in truths
-    )
+    return not any(one.name == target.name and _is_at(target, one) for one in truths)
+
+
+def _is_at(target: Target, truth: Truth) -> bool:
+    return math.hypot(*(truth.centre - target.centre)) <= NEAR
 
 
 def statistics_text(trials: Sequence[Trial]) -> str:
     """The table by sizes, and of all."""
-    lines = ["size px      visible  found  wrong names  rms px  stated px  (error / stated)^2"]
+    lines = ["size px      visible  found  hidden  found  wrong names  rms px  stated px  (error / stated)^2"]
     for low, high in itertools.pairwise(SIZES):
         row = summary(trials, (low, high))
-        if row.visible:
+        if row.visible or row.hidden:
             label = f"{low:.0f} to {high:.0f}" if math.isfinite(high) else f"{low:.0f} and more"
             lines.append(_line(label, row))
     return "\n".join([*lines, _line("all", summary(trials))]) + "\n"
@@ -100,6 +109,6 @@ def statistics_text(trials: Sequence[Trial]) -> str:
 
 def _line(label: str, row: Row) -> str:
     return (
-        f"{label:12s} {row.visible:7d} {row.found:6d} {row.wrong:12d}  {row.rms:6.4f}  {row.stated:9.4f}  "
-        f"{row.ratio:18.2f}"
+        f"{label:12s} {row.visible:7d} {row.found:6d} {row.hidden:7d} {row.uncovered:6d} {row.wrong:12d}  "
+        f"{row.rms:6.4f}  {row.stated:9.4f}  {row.ratio:18.2f}"
     )

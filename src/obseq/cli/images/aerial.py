@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from obseq.cli.images.bundle_ground import say_outside
 from obseq.cli.parsing import Commands, add_command, finite_number, positive_integer, positive_number
 from obseq.cli.progress import Progress
 from obseq.errors import InputError
@@ -13,7 +14,6 @@ from obseq.printable import printable, printable_line
 from obseq.writing import check_writable, write_all
 
 if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
     from obseq.images.aerial import FrameCamera, Geoid, HeightType, MapSystem, Surface, Worksite
     from obseq.images.aerial.result_columns import LeftOut, Table
 
@@ -234,7 +234,7 @@ def _images(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
     if arguments.points:
         seen = read_image_points(arguments.points, arguments.points_header, keep_good=True)
     site, bad = _site(arguments)
-    _say_outside(arguments.ground, _system(arguments), known.coordinates, known.names)
+    say_outside(arguments.ground, _system(arguments).definition, known.coordinates, known.names)
     return _with(images_of_ground(site, known, seen), bad + known.left_out()), {}
 
 
@@ -258,7 +258,7 @@ def _poses(arguments: argparse.Namespace) -> "tuple[Table, dict[Path, str]]":
     measured = read_image_points(arguments.points, arguments.points_header, keep_good=True)
     position = np.array(arguments.position) if arguments.position else None
     system = _system(arguments)
-    _say_outside(arguments.ground, system, known.coordinates, known.names)
+    say_outside(arguments.ground, system.definition, known.coordinates, known.names)
     shots, table = resections(
         _cameras(arguments).values(),
         measured,
@@ -320,22 +320,13 @@ def _site(arguments: argparse.Namespace) -> "tuple[Worksite, list[LeftOut]]":
         keep_good=True,
     )
     system = _system(arguments)
-    _say_outside(arguments.shots, system, shots.positions, shots.names)
+    say_outside(arguments.shots, system.definition, shots.positions, shots.names)
     site = Worksite(shots, _cameras(arguments), system, _geoid(arguments))
     terrain = _terrain(arguments)
     if terrain is not None and shots.has_alteration:
         site = site.with_nadir(terrain)
     left = [LeftOut(f"{arguments.shots}:{line.number}", line.reason) for line in bad]
     return site.approximately() if arguments.approximate else site, left
-
-
-def _say_outside(path: "Path", system: "MapSystem", places: "FloatArray", names: Sequence[str]) -> None:
-    """Warns of places (n, 3) outside the area where their system is used."""
-    from obseq.crs import area_warning, parse
-
-    outside = area_warning(parse(system.definition), places, names)
-    if outside:
-        print(printable_line(f"warning: {path}: {outside}"), file=sys.stderr)
 
 
 def _cameras(arguments: argparse.Namespace) -> "dict[str, FrameCamera]":

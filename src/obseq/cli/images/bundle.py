@@ -304,7 +304,6 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, Path]:
 def _writers(
     outputs: Mapping[str, Path], solution: BundleSolution, record: BundleRecord, read: str
 ) -> dict[Path, Callable[[], Content]]:
-    """What writes each of the files that are asked for."""
     from obseq.images.output.clouds import camera_table, check_table, ply, point_table, pose_table
     from obseq.images.output.page import contents, text
 
@@ -342,7 +341,6 @@ def _written(
 
 
 def _options(datum: str | tuple[str, ...], arguments: argparse.Namespace) -> Options:
-    """What the command line says of the solution."""
     given = {"strategy": arguments.strategy} if arguments.strategy else {}
     limits = {"max_iterations": arguments.iterations, "tolerance": arguments.tolerance}
     return {"datum": datum, "threads": arguments.threads, "blocks": arguments.blocks, **limits, **given}

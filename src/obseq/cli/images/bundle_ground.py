@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from math import inf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from obseq.cli.parsing import positive_number
+from obseq.printable import printable_line
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
 
+    from obseq.arrays import FloatArray
     from obseq.formats.blocks.observations import Carried
     from obseq.images.block import Block
 
@@ -64,7 +68,6 @@ def put_ground(block: Block, arguments: argparse.Namespace) -> None:
     Raises:
         InputError: a table is wrong.
     """
-    from obseq.crs import area_warning, parse
     from obseq.formats.blocks.ground import (
         control_in_frame,
         frame_for,
@@ -83,8 +86,7 @@ def put_ground(block: Block, arguments: argparse.Namespace) -> None:
         for path in paths:
             control, table = control_table(path, arguments.control_sigma)
             if system:
-                outside = area_warning(parse(system), control.coordinates, control.names)
-                block.notes += [f"{path}: {outside}"] if outside else []
+                block.notes += say_outside(path, system, control.coordinates, control.names)
                 block.system = system
                 block.frame = frame_for(block, system, control.coordinates, arguments.frame)
                 control = control_in_frame(control, system, block.frame)
@@ -92,6 +94,16 @@ def put_ground(block: Block, arguments: argparse.Namespace) -> None:
                 put(block, control, table.origin, own)
     if system and (arguments.control or arguments.check_points):
         block.notes.append(f"control points in {heights_said(system)}; computed in {block.frame}")
+
+
+def say_outside(path: Path, system: str, places: FloatArray, names: Sequence[str]) -> list[str]:
+    """Warns of places (n, 3) outside the area where their system is used, and returns what was said."""
+    from obseq.crs import area_warning, parse
+
+    outside = area_warning(parse(system), places, names)
+    if outside:
+        print(printable_line(f"warning: {path}: {outside}"), file=sys.stderr)
+    return [f"{path}: {outside}"] if outside else []
 
 
 def carried_by(arguments: argparse.Namespace) -> Carried:

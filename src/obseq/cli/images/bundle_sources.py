@@ -132,7 +132,6 @@ def read_block(arguments: argparse.Namespace) -> tuple[BundleAdjustment, str | t
 
 
 def _refuse_idle(arguments: argparse.Namespace) -> None:
-    """Refuses options that would change nothing."""
     for option, others in NEEDS.items():
         if getattr(arguments, option) is not None and not any(getattr(arguments, name) for name in others):
             names = [f"--{name.replace('_', '-')}" for name in (option, *others)]
@@ -185,7 +184,6 @@ def _add_marks(block: BundleAdjustment, arguments: argparse.Namespace) -> None:
 
 
 def _read_other(arguments: argparse.Namespace, form: BlockFormat, path: Path) -> BundleAdjustment:
-    """The block of another program."""
     if form.sigmas is Sigmas.ASKED and arguments.image_sigma is None:
         raise InputError(
             f"--{form.option} needs --image-sigma: its files do not say how good the measures are"

@@ -232,7 +232,6 @@ def _without_accused(network: "Network", first: AdjustmentRecord, request: Reque
 
 
 def _network(request: Request, watch: Stopwatch) -> "Network":
-    """The network of the files."""
     with watch.phase("load"):
         from obseq.survey import Network  # noqa: F401  # its time is not that of reading
     with watch.counted("read"):

@@ -135,7 +135,6 @@ def _second(arguments: argparse.Namespace, first: Source) -> Source:
 def _compared(
     arguments: argparse.Namespace, first: Source, second: Source, watch: Stopwatch
 ) -> "ComparisonRecord":
-    """The record of the comparison."""
     from obseq.survey import Datum, compare
     from obseq.survey.adjustment.datum import DatumKind
 

@@ -6,16 +6,19 @@ asked for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import Enum
 from importlib import import_module
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from obseq.dataclass import dataclass
-from obseq.images.adjustment.solution import BundleSolution
-from obseq.images.block import Block
-from obseq.images.bundle import BundleAdjustment
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from obseq.images.adjustment.solution import BundleSolution
+    from obseq.images.block import Block
+    from obseq.images.bundle import BundleAdjustment
 
 
 class Sigmas(Enum):

@@ -92,7 +92,6 @@ class SetReader:
 
     @staticmethod
     def _names(code: int, parts: list[str]) -> list[str]:
-        """The points that a line names."""
         if code == AXIS:
             return parts[1:2] if parts[0] == "L" else parts[2:3]
         return parts[:2] if code in (EQUAL_HEIGHTS, EQUAL_LENGTHS) else parts[:1]

@@ -99,7 +99,6 @@ class _Gsi:
             self._point(block, _text(words[POINT]))
 
     def _point(self, block: _Block, name: str) -> None:
-        """Takes a block that names a point."""
         words, book = block.words, self._book
         staff = words[STAFF][2] if STAFF in words else ""
         if _is_station(block):
@@ -161,7 +160,6 @@ class _Gsi:
 
 
 def _text(word: str) -> str:
-    """What a word holds as a name."""
     return unfilled(word[VALUE:])
 
 

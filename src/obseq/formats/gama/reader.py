@@ -105,7 +105,6 @@ def _shown(sections: list[Element]) -> ShownUnits | None:
 
 
 def _network(root: Element) -> Element:
-    """The only network of a file."""
     if root.name not in ROOTS:
         raise root.error(f"<{root.name}> is not a network of gama-local, which begins with <gama-local>")
     if root.attributes.get("xmlns") not in NAMESPACES:

@@ -66,7 +66,6 @@ def _property(sensor: Element, name: str) -> str:
 
 
 def _camera(sensor: Element) -> Camera:
-    """The camera of a sensor."""
     label, number = label_of(sensor), sensor.attributes.get("id", "")
     name = label if label.endswith(f" {number}") else f"{label} {number}".strip()
     kind = sensor.attributes.get("type", "frame")

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from obseq.errors import InputError
 from obseq.formats.obs.cor import read_cor
 from obseq.formats.obs.obs import read_obs
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    Files = str | Path | Sequence[str | Path]
+Files = str | Path | Sequence[str | Path]
 
 ANY_SIGMA = 1.0
 """Of known points without one, where it only matters whether a file holds points."""

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from obseq.errors import InputError
 from obseq.formats.camera_terms import check_cameras
 from obseq.geometry import logarithm
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.block import Block
+from obseq.images.camera import Camera
 
-if TYPE_CHECKING:
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.block import Block
-    from obseq.images.camera import Camera
-
-    Plain = dict[str, Any]
+Plain = dict[str, Any]
 
 TERMS = ("K1", "K2", "K3", "p1", "p2")
 WRITTEN = ("reconstruction.json", "tracks.csv")

@@ -12,7 +12,7 @@ There is no standard: `check_convention` tells with one image and its measures w
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -242,27 +242,11 @@ def check_convention(
     raise InputError(f"known points are not where they were measured with the declared convention: {hint}")
 
 
-def _declared(rotation: FloatArray) -> FloatArray:
-    return rotation
-
-
-def _transposed(rotation: FloatArray) -> FloatArray:
-    return np.asarray((rotation * FLIP).T * FLIP)
-
-
-def _forward(rotation: FloatArray) -> FloatArray:
-    return np.asarray(rotation * FLIP)
-
-
-def _transposed_forward(rotation: FloatArray) -> FloatArray:
-    return np.asarray((rotation * FLIP).T)
-
-
-CONVENTIONS = {
-    "as declared": _declared,
-    "the transposed matrix (world to camera)": _transposed,
-    "a camera with y down and z forward": _forward,
-    "a transposed matrix of a camera with y down and z forward": _transposed_forward,
+CONVENTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "as declared": lambda rotation: rotation,
+    "the transposed matrix (world to camera)": lambda rotation: (rotation * FLIP).T * FLIP,
+    "a camera with y down and z forward": lambda rotation: rotation * FLIP,
+    "a transposed matrix of a camera with y down and z forward": lambda rotation: (rotation * FLIP).T,
 }
 
 

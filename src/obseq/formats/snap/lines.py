@@ -277,7 +277,6 @@ class DataFile:
         return Block(tuple(whole), "no_heights" not in options, grouped)
 
     def _line(self, index: int, text: str) -> Iterator[Together]:
-        """A line of stations and observations."""
         block = self._now.block
         if block is None:
             raise self.file.error(index, "an observation before #data, which says what it is")

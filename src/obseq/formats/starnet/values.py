@@ -294,10 +294,6 @@ def _refraction(options: Options, line: Line, rest: list[str]) -> Options:
     return replace(options, refraction=2.0 * line.number(rest[0]))
 
 
-def _instrument(options: Options, line: Line, rest: list[str]) -> Options:
-    return replace(options, instrument=" ".join(line.fields[1:]))
-
-
 def _gps(options: Options, line: Line, rest: list[str]) -> Options:
     if len(rest) == 2 and rest[0] == "weight":
         for name, correlations in (("covariance", False), ("stderrcorrelation", True)):
@@ -320,7 +316,7 @@ _CHANGES: dict[str, Callable[[Options, Line, list[str]], Options]] = {
     ".data": lambda options, line, rest: replace(options, is_on=_switch(line, rest)),
     ".sep": _separator,
     ".refraction": _refraction,
-    ".instrument": _instrument,
+    ".instrument": lambda options, line, _: replace(options, instrument=" ".join(line.fields[1:])),
     ".gps": _gps,
     ".addcentering": lambda options, line, rest: replace(options, adds_centring=_switch(line, rest)),
 }

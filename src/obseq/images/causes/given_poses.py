@@ -96,7 +96,12 @@ def _exchanged(subject: Subject) -> Iterator[Trial]:
             sets.append(replace(part, measures=replace(part.measures, image_names=names)))
         made.sets = sets
         said = f"images {first} and {second} are exchanged in the measures"
-        yield Trial.saying(said, Told(said, (first, second)), made)
+        yield Trial(said, made, partial(_of_pair, subject, Told(said, (first, second))))
+
+
+def _of_pair(subject: Subject, told: Told, found: BundleSolution) -> Told:
+    """What is told of two exchanged images; nothing where images are not where they were given still."""
+    return Told("") if compared(found.poses, subject.given, True).said else told
 
 
 def _rewritten(block: AdjustableBlock, right: Rewriting) -> Iterator[AdjustableBlock]:

@@ -99,8 +99,8 @@ class Tries:
         for cause in self._wanted(causes):
             own = [fit for trial in cause.trials(self._subject) for fit in self._fit(cause, trial)]
             found += own
-            if cause.is_sure and any(fit.is_accepted for fit in own):
-                break
+            if any(fit.is_accepted and (cause.is_sure or fit.told.images) for fit in own):
+                break  # where all others are right as they are, nothing is wrong that they share
         if not found:
             return []
         least = min(fit.left for fit in found)

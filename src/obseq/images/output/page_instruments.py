@@ -67,7 +67,6 @@ def _shutters(record: BundleRecord) -> Plain | None:
 
 
 def _rigid(record: BundleRecord) -> Plain | None:
-    """Places of cameras in rigid blocks."""
     places = [(block, place) for block in record.rigid_blocks for place in block.places]
     if not places:
         return None
@@ -87,7 +86,6 @@ def _rigid(record: BundleRecord) -> Plain | None:
 
 
 def _exposures(record: BundleRecord) -> Plain | None:
-    """Residuals of the exposures of rigid blocks."""
     exposures = [(block, item) for block in record.rigid_blocks for item in block.exposures]
     second = [
         choice("block", [block.name for block, _ in exposures]),

@@ -142,7 +142,6 @@ def _parameters(record: BundleRecord) -> Plain:
 
 
 def _tests(record: BundleRecord) -> Plain | None:
-    """The largest tests of all kinds of observation."""
     found = () if record.reliability is None else record.reliability.largest.largest
     columns = [
         column("observation", "text", [printable_line(item.name) for item in found]),

@@ -8,27 +8,22 @@ at each iteration. Points are in a local frame (metres), pixels from the offsets
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
 from obseq import crs
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.images.adjustment.equations import CONTROL, roots_of
+from obseq.images.aerial.rpc import Rpc
+from obseq.images.control import ControlPoints
+from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among, index_of
 from obseq.kernels import calculator
-from obseq.leastsquares import LeastSquares
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.images.aerial.rpc import Rpc
-    from obseq.images.control import ControlPoints
-    from obseq.images.measures import ImagePoints
-    from obseq.leastsquares import Batch, LeastSquaresResult
+from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
 
 CORRECTIONS = {"bias": 0, "affine": 1}
 """Kinds of correction, and the degree of their polynomial."""

@@ -45,7 +45,6 @@ def summary(solution: SatelliteSolution) -> str:
 
 
 def _corrections(solution: SatelliteSolution) -> Table:
-    """Terms of the corrections of images."""
     rows = list(_terms(solution))
     columns = [
         choice("image", [image for image, *_ in rows]),
@@ -65,7 +64,6 @@ def _terms(solution: SatelliteSolution) -> Iterator[tuple[str, str, float, float
 
 
 def _checked(solution: SatelliteSolution) -> Iterator[Table]:
-    """Check points."""
     names, differences, covariances = solution.check()
     if not names:
         return

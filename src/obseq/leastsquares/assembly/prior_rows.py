@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import is_not
 
 import numpy as np
 
@@ -35,12 +36,8 @@ class PriorRows:
         """With the values and weights that they have now."""
         values, weights = [prior.values for prior in self._priors], [prior.weights for prior in self._priors]
         now = values + weights
-        if len(self._taken) != len(now) or any(map(_differ, now, self._taken)):
+        if len(self._taken) != len(now) or any(map(is_not, now, self._taken)):
             joined = [np.concatenate([np.zeros(0), *parts]) for parts in (values, weights)]
             self._arrays = self._arrays._replace(values=joined[0], weights=joined[1])
             self._taken = now
         return self._arrays
-
-
-def _differ(first: FloatArray, second: FloatArray) -> bool:
-    return first is not second

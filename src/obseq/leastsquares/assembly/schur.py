@@ -68,7 +68,7 @@ def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolA
         link_bounds,
         np.zeros(n_groups, dtype=np.int64),
         local,
-        _most(local),
+        int(local.max(initial=0)) + 1,
     )
     return groups, met
 
@@ -76,11 +76,7 @@ def elimination_groups(table: UnknownTable, pairs: BlockPairs, eliminated: BoolA
 def is_turned(table: UnknownTable, pairs: BlockPairs, eliminated: BoolArray) -> BoolArray:
     """(n_pairs,) True for pairs of threes to be stored transposed, the eliminated block as column part."""
     joining = eliminated[pairs.rows] & ~eliminated[pairs.columns]
-    return np.asarray(joining & _are_threes(table, pairs))
-
-
-def _are_threes(table: UnknownTable, pairs: BlockPairs) -> BoolArray:
-    return np.asarray((table.size[pairs.rows] == 3) & (table.size[pairs.columns] == 3))
+    return np.asarray(joining & (table.size[pairs.rows] == 3) & (table.size[pairs.columns] == 3))
 
 
 def _no_groups(n_scalars: int) -> tuple[Groups, Met]:
@@ -88,10 +84,6 @@ def _no_groups(n_scalars: int) -> tuple[Groups, Met]:
     pairs, links, local = none.reshape(0, 3), none.reshape(0, 5).astype(np.uint32), np.full(n_scalars, -1)
     met = Met(none, start, none.astype(np.int32))
     return Groups(none, start, pairs, start, links, start, none, local, 1), met
-
-
-def _most(local: IntArray) -> int:
-    return int(local.max(initial=0)) + 1
 
 
 def _connected(eliminated: BoolArray, rows: IntArray, columns: IntArray) -> IndexArray:

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
+from obseq.leastsquares.assembly.normal_equations import NormalEquations
 from obseq.leastsquares.iterations.arrival import sizes_of
-from obseq.leastsquares.iterations.curvature import curvature_of
+from obseq.leastsquares.iterations.curvature import Curvature, curvature_of
 from obseq.leastsquares.iterations.newton import factor
 from obseq.leastsquares.iterations.trials import Trial
 from obseq.leastsquares.iterations.trust_region import FIRST_RADIUS
+from obseq.leastsquares.solvers import Solver
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.assembly.normal_equations import NormalEquations
-    from obseq.leastsquares.iterations.curvature import Curvature
-    from obseq.leastsquares.solvers import Solver
-
-    Product = Callable[[FloatArray], FloatArray]
+Product = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import real, text, texts, truths
-from obseq.leastsquares.problem.clusters import Clusters
+from obseq.leastsquares.problem.clusters import Clusters, Covariance
 from obseq.leastsquares.problem.given import (
     Measured,
     block_columns,
@@ -18,25 +19,15 @@ from obseq.leastsquares.problem.given import (
     rows_given,
     stretched_columns,
 )
-from obseq.leastsquares.problem.losses import named_loss
+from obseq.leastsquares.problem.losses import Loss, named_loss
 from obseq.leastsquares.problem.padding import fill_padded, padded, padded_length
-from obseq.leastsquares.problem.shapes import carried_of
+from obseq.leastsquares.problem.shapes import Move, Shape, carried_of
+from obseq.leastsquares.problem.unknowns import UnknownTable
 from obseq.leastsquares.problem.weights import Weighing, root_weights
 from obseq.leastsquares.sparse import Sparse
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.problem.clusters import Covariance
-    from obseq.leastsquares.problem.losses import Loss
-    from obseq.leastsquares.problem.shapes import Move, Shape
-    from obseq.leastsquares.problem.unknowns import UnknownTable
-
-    Labels = Sequence[str] | Callable[[int], str] | None
-    """What to call observations: a name for each, a function of their row, or nothing."""
+Labels = Sequence[str] | Callable[[int], str] | None
+"""What to call observations: a name for each, a function of their row, or nothing."""
 
 
 class Batch:
@@ -204,7 +195,6 @@ class Batch:
             self._weigh()
 
     def _weigh(self) -> None:
-        """Weight = active / sigma."""
         whitening = None
         if self.clusters is not None:
             whitening = self.clusters.whitening(np.repeat(self._active, self.shape.n_residuals))

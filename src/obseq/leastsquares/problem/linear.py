@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray
 from obseq.errors import InputError
 from obseq.leastsquares.problem.arguments import finite, listed, real
-from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.batches import Batch, Labels
 from obseq.leastsquares.problem.shapes import linear_shape
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares.problem.batches import Labels
-    from obseq.leastsquares.problem.unknowns import UnknownTable
+from obseq.leastsquares.problem.unknowns import UnknownTable
 
 
 def linear_batch(

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import BoolArray
 from obseq.errors import InputError
-from obseq.leastsquares.problem.batches import Batch
-from obseq.leastsquares.problem.datum import NO_DATUM, datum_of
+from obseq.kernels.loading import Kernel
+from obseq.leastsquares.problem.batches import Batch, Labels
+from obseq.leastsquares.problem.clusters import Covariance
+from obseq.leastsquares.problem.datum import NO_DATUM, Motions, datum_of
 from obseq.leastsquares.problem.linear import linear_batch, root_rows
+from obseq.leastsquares.problem.losses import Loss
 from obseq.leastsquares.problem.priors import Prior, Viscosity
 from obseq.leastsquares.problem.shapes import formula_shape
 from obseq.leastsquares.problem.unknown_blocks import UnknownBlocks
 from obseq.leastsquares.problem.unknown_objects import matching
 from obseq.leastsquares.problem.unknowns import UnknownTable
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import BoolArray
-    from obseq.kernels.loading import Kernel
-    from obseq.leastsquares.problem.batches import Labels
-    from obseq.leastsquares.problem.clusters import Covariance
-    from obseq.leastsquares.problem.datum import Motions
-    from obseq.leastsquares.problem.losses import Loss
 
 
 class Problem:

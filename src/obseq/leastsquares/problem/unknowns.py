@@ -151,7 +151,7 @@ class UnknownTable:
         kind = self._known.kind_of(manifold)
         ids = self._known.numbered(kind, names, len(self))
         unknowns, context = manifold.split(manifold.checked(values, names, what))
-        before = self._lengths()
+        before = len(self.names), len(self._components), *(len(column) for column in self._columns())
         try:
             return self._extended(kind, ids, unknowns, context, components or manifold.components)
         except BaseException:  # interrupted: no column is longer than another
@@ -193,9 +193,6 @@ class UnknownTable:
             self._frozen,
             self._eliminated,
         )
-
-    def _lengths(self) -> tuple[int, ...]:
-        return (len(self.names), len(self._components), *(len(column) for column in self._columns()))
 
     def _cut(self, lengths: tuple[int, ...]) -> None:
         """Takes away what was added since the table had these lengths."""

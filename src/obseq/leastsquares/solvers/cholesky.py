@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from obseq.arrays import FloatArray, IndexArray, IntArray
 from obseq.errors import InputError, SingularMatrixError, SolverStateError
 from obseq.leastsquares.solvers.base import AT_ONCE, NUMBERS, BaseSolver
 from obseq.leastsquares.solvers.blas import one_blas_thread, routine_addresses
 from obseq.leastsquares.solvers.inverse import invert_nodes
 from obseq.leastsquares.solvers.numeric import factor_nodes, factor_panel
 from obseq.leastsquares.solvers.ordering import checked_ordering, resolve_ordering
-from obseq.leastsquares.solvers.protocol import SolverStatistics
+from obseq.leastsquares.solvers.protocol import Defect, SolverStatistics, SymmetricPattern
 from obseq.leastsquares.solvers.rank import SUSPICIOUS, defect_of, undetermined
 from obseq.leastsquares.solvers.schedule import plan, run_tasks
 from obseq.leastsquares.solvers.substitution import quadratic_forms, substitute_backward, substitute_forward
 from obseq.leastsquares.solvers.symbolic import analyse_pattern
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from obseq.arrays import FloatArray, IndexArray, IntArray
-    from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
-
-    Substitution = Callable[..., None]
+Substitution = Callable[..., None]
 
 WORKING_ROOM = ("_workspace", "_scratch")
 """Arrays that are filled anew at each call."""

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from obseq.leastsquares.solvers.protocol import Solver, SymmetricPattern
+from obseq.leastsquares.solvers.protocol import Solver, SymmetricPattern
 
 SOLVER_NAMES = ("dense", "supernodal", "superlu", "pardiso", "cholmod")
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
+from obseq.arrays import IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, SingularSystemError
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.solution.result import LeastSquaresResult
 from obseq.leastsquares.statistics.hypothesis_tests import checked_probability
-from obseq.leastsquares.statistics.reliability import reliability
+from obseq.leastsquares.statistics.reliability import Reliability, reliability
 from obseq.leastsquares.statistics.snooping_tests import (
     Limits,
+    Part,
     Settings,
     Statistic,
     Test,
@@ -19,17 +24,7 @@ from obseq.leastsquares.statistics.snooping_tests import (
     tied_names,
     worst_tests,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
-
-    from obseq.arrays import IntArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.solution.result import LeastSquaresResult
-    from obseq.leastsquares.statistics.reliability import Reliability
-    from obseq.leastsquares.statistics.snooping_tests import Part
-    from obseq.leastsquares.system import LeastSquares
-
+from obseq.leastsquares.system import LeastSquares
 
 Place: TypeAlias = "tuple[Batch, int]"
 """A batch, and a row in it."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from enum import Enum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
+from obseq.leastsquares.problem.batches import Batch
+from obseq.leastsquares.problem.priors import Prior
 from obseq.leastsquares.statistics.hypothesis_tests import overall_level
 from obseq.leastsquares.statistics.joint_levels import (
     POWER,
@@ -17,18 +21,11 @@ from obseq.leastsquares.statistics.joint_levels import (
     joint_ratio_critical,
     shared_level,
 )
+from obseq.leastsquares.statistics.joint_tests import JointTest
+from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
+from obseq.leastsquares.statistics.reliability import Reliability
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.leastsquares.problem.batches import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.joint_tests import JointTest
-    from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
-    from obseq.leastsquares.statistics.reliability import Reliability
-
-    Part: TypeAlias = ObservationReliability[Batch | Prior]
+Part: TypeAlias = ObservationReliability[Batch | Prior]
 
 
 TIE = 1e-6

@@ -8,19 +8,14 @@ of ours.
 from __future__ import annotations
 
 import difflib
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.project.options.option_values import parse_value
+from obseq.project.options.option_values import Value, parse_value
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.project.options.option_values import Value
-
-    Words = Callable[[str, Value], list[str]]
-    """The words of our command for an option of the original, from its name and its value."""
+Words = Callable[[str, Value], list[str]]
+"""The words of our command for an option of the original, from its name and its value."""
 
 
 @dataclass(frozen=True)

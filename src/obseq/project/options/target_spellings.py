@@ -13,10 +13,6 @@ PARITIES = {"1": "odd", "2": "even", "3": "all"}
 IMAGES = "IMAGES"
 
 
-def _without_effect(name: str, given: Value) -> list[str]:
-    return []
-
-
 def _parity(name: str, given: Value) -> list[str]:
     if not isinstance(given, str) or given not in PARITIES:
         raise InputError(f"{name} is 1 (odd), 2 (even) or 3 (all)")
@@ -46,7 +42,9 @@ def _with_geometry(name: str, given: Value) -> list[str]:
 
 def _idle(options: dict[str, str]) -> list[Option]:
     """Options that are accepted and do nothing, with what they are."""
-    return [Option(name, f"{what}, not needed here", _without_effect) for name, what in options.items()]
+    return [
+        Option(name, f"{what}, not needed here", lambda name, given: []) for name, what in options.items()
+    ]
 
 
 def _extracting(name: str, about: str, more: tuple[str, ...], idle: dict[str, str], example: str) -> Spelling:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
+from obseq.records.adjustment import AdjustmentRecord, RelativeRecord, StatisticsRecord
 from obseq.report.tables.columns import (
     Column,
     Table,
@@ -17,12 +18,7 @@ from obseq.report.tables.columns import (
 )
 from obseq.report.tables.named import ellipse_level
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.records.adjustment import AdjustmentRecord, RelativeRecord, StatisticsRecord
-
-    Rows = dict[str, int]
+Rows = dict[str, int]
 
 
 def by_type(record: AdjustmentRecord, _: Rows) -> Table | None:

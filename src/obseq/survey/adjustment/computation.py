@@ -76,6 +76,21 @@ class Computed:
         """The equations and their solution, if that is the one of the given sigmas."""
         return None if quality.variance_components else (self.equations, self.adjustment.solution)
 
+    def continued(self, computation: Computation, *, strict: bool) -> Computed:
+        """The same after the iterations that are left, where it has not converged and they lead somewhere."""
+        before = self.adjustment.solution
+        more = computation.max_iterations - len(before.iterations)
+        if before.converged or more <= 0:
+            return self
+        try:
+            computation = replace(computation, max_iterations=more)
+            after = computation.computed(self.start, self.equations, strict=strict)
+        except ObseqError:
+            return self
+        solution = after.adjustment.solution
+        solution = replace(solution, iterations=(*before.iterations, *solution.iterations))
+        return replace(after, adjustment=replace(after.adjustment, solution=solution))
+
 
 @dataclass(frozen=True)
 class Computation:

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.leastsquares.statistics.ellipses import ellipses_of
 from obseq.packages import require
 from obseq.survey.adjustment.adjusted_records import place_records
+from obseq.survey.equations.frame import Frame
+from obseq.survey.model import FieldBook, Points
 
-if TYPE_CHECKING:
-    Axes = Any  # of matplotlib, an extra
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.survey.equations.frame import Frame
-    from obseq.survey.model import FieldBook, Points
+Axes = Any  # of matplotlib, an extra
 
 USUAL = 0.06
 """Length of a usual ellipse, as a share of the plan."""

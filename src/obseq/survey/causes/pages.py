@@ -103,9 +103,9 @@ OF_POINTS = (
     Page(
         "S212",
         "unit of coordinates",
-        "Coordinates of all known points are in another unit than observations.",
+        "Coordinates of all known points, or all in plan, are in another unit than observations.",
         ("All points with coordinates together.", _REDONE),
-        "A list of coordinates in feet, distances in metres.",
+        "A list of coordinates in feet, or of eastings and northings in feet, and distances in metres.",
         "Convert the coordinates.",
     ),
     Page(

@@ -256,7 +256,7 @@ def _known(points: Points) -> IntArray:
 
 
 def _of_all_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
-    """Coordinates of all points: easting and northing exchanged, heights or all in feet."""
+    """Coordinates of all points: easting and northing exchanged, heights, plan or all in feet."""
     points, known = notes.points, _known(notes.points)
     placed = np.flatnonzero(points.has_coordinates)
     if not known.size:
@@ -264,7 +264,7 @@ def _of_all_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
     names = [points.names[row] for row in placed.tolist()]
     given = system.coordinates(points.coordinates[placed], names)
 
-    whole, heights = [1.0, 1.0, 1.0], [0.0, 0.0, 1.0]
+    whole, plan, heights = [1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]
     feet = ((_FEET, "W106", "feet read as metres"), (1.0 / _FEET, "W107", "metres read as feet"))
     of_all = f"of all {len(known)} known points"
     changes = [("S210", "W123", "coordinates", "easting and northing are exchanged", given[:, [1, 0, 2]])]
@@ -272,6 +272,7 @@ def _of_all_points(notes: Notes, system: PointSystem) -> Iterator[Rewritten]:
         (code, slip, what, text, given * (1.0 + (factor - 1.0) * np.array(axes)))
         for code, what, axes, factors in (
             ("S211", "heights", heights, feet),
+            ("S212", "plan", plan, feet),
             ("S212", "coordinates", whole, (*feet, (1e-3, "W126", "millimetres read as metres"))),
         )
         for factor, slip, text in factors

@@ -75,7 +75,9 @@ def reduced_faces(book: FieldBook, faces: str = MEAN) -> FieldBook:
     rows = book.observations
     directions, zeniths = rows.types == HZ.code, rows.types == ZEN.code
     turned = zeniths & (np.remainder(rows.values, FULL_TURN) > math.pi)
-    turned &= ~((rows.values < -CLOSE) & (rows.values > -FLAT))
+    below = zeniths & (rows.values < 0.0) & (rows.values > -FLAT)
+    if (rows.values[below] < -CLOSE).any():  # those nearly level, too
+        turned &= ~below
     other = turned | _second_directions(book, directions & rows.active, turned)
     if not (other & rows.active).any():
         return book

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq import crs
 from obseq.arguments import NOTHING, NUMBER, TRUTH, WORDS, expecting, instance
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.leastsquares.statistics.ellipses import ellipses_of
@@ -34,12 +35,7 @@ from obseq.survey.epochs.known_points import by_observations, known_points
 from obseq.survey.epochs.localisation import moved_references
 from obseq.survey.equations.frame import Frame
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
-
-    from obseq.arrays import BoolArray, FloatArray
-
-    Epochs = tuple[Adjustment, Adjustment]
+Epochs = tuple[Adjustment, Adjustment]
 
 LEVEL = 0.05
 LEAST_KNOWN = 2

@@ -10,25 +10,20 @@ tells, it is the other points, which would all have moved with the wrong one.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from math import comb
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
-from obseq.survey.epochs.congruence import RANK, determine, relative_to
+from obseq.records.comparison import TestRecord
+from obseq.survey.epochs.congruence import RANK, Tester, determine, relative_to
+from obseq.survey.epochs.displacements import Displacements
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.records.comparison import TestRecord
-    from obseq.survey.epochs.congruence import Tester
-    from obseq.survey.epochs.displacements import Displacements
-
-    Rows = tuple[int, ...]
+Rows = tuple[int, ...]
 
 LEAST_SHARE = 0.5
 """Of the reference points must stay: otherwise nothing says which ones have moved."""

@@ -7,27 +7,22 @@ place it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from obseq.arrays import Array, BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
+from obseq.records.adjustment import ReplacedRecord
 from obseq.survey.initial.closed_forms import wrap
+from obseq.survey.initial.known import Vertical
 from obseq.survey.initial.relations import central_angle
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import among, codes_for
-from obseq.survey.model import Orientation
+from obseq.survey.model import FieldBook, Orientation
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
-    from obseq.records.adjustment import ReplacedRecord
-    from obseq.survey.initial.known import Vertical
-    from obseq.survey.model import FieldBook
-
-    Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
+Rows = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 _MOST = 3
 """Points that one sentence names."""

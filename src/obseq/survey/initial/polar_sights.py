@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from obseq.survey.initial.closed_forms import plus, scaled
-from obseq.survey.initial.known import times, transposed_times, turned
+from obseq.survey.initial.closed_forms import Space, plus, scaled
+from obseq.survey.initial.known import Known, times, transposed_times, turned
 from obseq.survey.model import Orientation
-from obseq.survey.sights.sights import Step
+from obseq.survey.sights.sight_graph import SightGraph
+from obseq.survey.sights.sights import Cause, Sight, Step
 
-if TYPE_CHECKING:
-    from obseq.survey.initial.closed_forms import Space
-    from obseq.survey.initial.known import Known
-    from obseq.survey.sights.sight_graph import SightGraph
-    from obseq.survey.sights.sights import Cause, Sight
-
-    Polar = tuple[Space, float, Cause]
-    """A vector (instrument) from a station to a point, its expected error (m) and where it comes from."""
+Polar = tuple[Space, float, Cause]
+"""A vector (instrument) from a station to a point, its expected error (m) and where it comes from."""
 
 LARGEST_SIGMA = 1e6
 """The expected error (m) of what is not known any better."""

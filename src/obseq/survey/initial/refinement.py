@@ -6,13 +6,14 @@ A handful of equations with two to five unknowns: plain numbers are quicker than
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from operator import mul
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from obseq.survey.initial.closed_forms import plus
+from obseq.survey.initial.closed_forms import Space, plus
 from obseq.survey.initial.known import Known, Matrix, transposed_times
 from obseq.survey.initial.relations import (
     ANGLES,
@@ -25,13 +26,8 @@ from obseq.survey.initial.relations import (
     station_g0s,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from obseq.survey.initial.closed_forms import Space
-
-    Column = list[float]
-    """A number for each relation."""
+Column = list[float]
+"""A number for each relation."""
 
 _ITERATIONS = 4
 _SINGULAR = 1e-6

@@ -8,28 +8,22 @@ the graph that was made once.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from obseq.survey.kinds.kind import Start
+from obseq.arrays import IntArray, IntRows
+from obseq.survey.kinds.kind import ObservationKind, Start
 from obseq.survey.kinds.registry import IS_ANGLE, KINDS, among, codes_where
-from obseq.survey.model import Orientation
+from obseq.survey.model import FieldBook, Orientation
 from obseq.survey.sights.sight_graph import Measured, SightGraph, decimals
 from obseq.survey.sights.sights import DISTANCE, DZ, HZ, SLOTS, ZENITH, Measures, make_sights
 from obseq.survey.sights.ways import PlumbWays
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    from obseq.arrays import IntArray, IntRows
-    from obseq.survey.kinds.kind import ObservationKind
-    from obseq.survey.model import FieldBook
-
-    Part = tuple[ObservationKind, Measured]
+Part = tuple[ObservationKind, Measured]
 
 _SLOT_OF: dict[Start, int] = {start: slot for slot, start in enumerate(SLOTS) if start is not Start.DISTANCE}
 _NO_ROWS: IntArray = np.zeros(0, np.int64)

@@ -10,15 +10,18 @@ import numpy as np
 
 from obseq.targets.codes import counted
 from obseq.targets.drawing.drawings import figure_of, row_box
+from obseq.targets.drawing.painting import smooth_table
 from obseq.targets.drawing.rendering import blur_layers, layers, normal_equations
 from obseq.targets.finding.candidates import gaussian
+from obseq.targets.finding.figures import INTERPOLATED
 from obseq.targets.finding.fits import Placed
 from obseq.targets.finding.levels import sampled
 from obseq.targets.finding.measuring import FOREIGN, outer_places, region_of
 from obseq.targets.finding.rings import Reading, Unread, code_of
+from obseq.targets.specification import are_set
 
 if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, FloatCubes, FloatRows, IntArray
+    from obseq.arrays import Array, FloatArray, FloatCubes, FloatRows
     from obseq.targets.finding.fits import Fit
     from obseq.targets.finding.levels import Level
     from obseq.targets.specification import Specification
@@ -31,44 +34,52 @@ WRONG_BITS = "code of the set: bits that differ"
 CROWDED = 0.5
 """Share of all patterns, one bit from a code, above which a mended name says less than chance."""
 TINY = 1e-9
-UNCLEAR = 0.2
-"""Of the ink: a bit no farther from the middle may be either, as `finder.ODD` has it."""
 EITHER = 0.5
 """What a bit is before it is read, and its sigma: it has ink, or has none."""
+ODD = 0.3
+"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing. A bit that differs
+by as much from both of its values cannot be read. Seen roughly, bits differ by as much in the mean square."""
+UNCLEAR = EITHER - ODD
+"""Of the ink: a bit no farther from the middle may be either."""
+ANY_NAME = 0.3
+"""Share of all patterns of clear bits that targets have, above which anything has a name, seen roughly: of
+sets of 36 or 64 codes, ten or twelve bits may be unclear but for eight (bench)."""
+BLURS = np.geomspace(0.03, 0.6, 14)
+"""Sigmas of the point spreads with which bits are drawn, units: one of them is right but for an eighth."""
+CELLS = 16
+"""Of a unit of these drawings."""
 
 
-class Rough(NamedTuple):
-    """Targets as they are seen before anything is fitted to the image.
-
-    Attributes:
-        places: (n,) how the drawing lies in the image.
-        wrong: (n,) bits that differ from those of the nearest target.
-        off: (n,) root mean square of how much the bits differ from what is drawn there, in contrasts.
-    """
-
-    places: list[Placed]
-    wrong: IntArray
-    off: FloatArray
-
-
-def chequered_discs(level: Level, spec: Specification, discs: FloatRows, sign: float) -> Rough:
-    """The targets of a set whose discs these may be.
+def chequered_discs(
+    level: Level, bits: RoughBits, discs: FloatRows, sign: float
+) -> list[tuple[Placed, Unread | None]]:
+    """How the drawings lie in the image whose discs these may be, and why they are none, as seen roughly.
 
     Discs of which it would be a mirror image are left out.
 
     Args:
         level: where the discs were found.
-        spec: the set.
+        bits: of the set.
         discs: (n, 11) as `find_discs` gives them.
         sign: 1, or -1 for light and dark exchanged.
     """
-    matrices = _affinities(spec, discs)
+    matrices = _affinities(bits.spec, discs)
     matrices, discs = (part[np.linalg.det(matrices) > 0.0] for part in (matrices, discs))
-    places = [
-        Placed(place, level.scale * matrix, np.zeros(2), level.scale * sigma, np.zeros(2))
-        for place, matrix, sigma in zip(level.in_image(discs[:, :2]), matrices, discs[:, 10], strict=True)
+    wrong, clear, off = bits.read(level, discs, matrices, sign)
+    places = level.in_image(discs[:, :2])
+    return [
+        (
+            Placed(
+                places[k],
+                level.scale * matrices[k],
+                np.zeros(2),
+                level.scale * discs[k, 10],
+                np.zeros(2),
+            ),
+            bits.unread(int(wrong[k]), int(clear[k]), float(off[k])),
+        )
+        for k in range(len(discs))
     ]
-    return Rough(places, *_rough_bits(level.image, spec, discs, matrices, sign))
 
 
 def _affinities(spec: Specification, discs: FloatRows) -> FloatCubes:
@@ -86,32 +97,86 @@ def _affinities(spec: Specification, discs: FloatRows) -> FloatCubes:
     return found
 
 
-def _rough_bits(
-    image: Array, spec: Specification, discs: FloatRows, matrices: FloatCubes, sign: float
-) -> tuple[IntArray, FloatArray]:
-    """(n,) in how many clear bits the nearest target has other grey levels, and by how much they are off.
+class RoughBits:
+    """What the bits of a set look like around a disc, as they are seen before anything is fitted.
 
-    Ink is as dark as in the disc where a bit is wider than the point spread; else it is paler by as much.
+    Args:
+        spec: the set.
     """
-    places = _bit_places(spec)
-    width = 2.0 * np.linalg.norm(places[:, 2] - places[:, 0], axis=1).min()
-    widths = width * np.sqrt(np.linalg.det(matrices)) / (2.0 * math.sqrt(2.0) * discs[:, 10])
-    full = np.array([math.erf(one) for one in widths.tolist()])
-    light, contrast = discs[:, 4], (discs[:, 4] - discs[:, 3]) * full
-    known = np.array(list(spec.turns), dtype=np.int64)
-    found, least = np.full(len(discs), spec.bits), np.full(len(discs), math.inf)
-    for way in (1.0,) if spec.frequency % 2 == 0 else (1.0, -1.0):
-        pixels = discs[:, None, None, :2] + np.einsum("nij,bkj->nbki", way * matrices, places)
-        grey = sign * sampled(image, pixels[..., 0], pixels[..., 1]).mean(axis=2)
-        ink = (light[:, None] - grey) / contrast[:, None]
+
+    def __init__(self, spec: Specification) -> None:
+        self.spec, self.places = spec, _bit_places(spec).reshape(-1, 2)
+        self._drawn: dict[int, tuple[FloatArray, FloatRows, FloatRows]] = {}
+
+    def unread(self, wrong: int, clear: int, off: float) -> Unread | None:
+        """Why bits are those of no target, if so.
+
+        Args:
+            wrong: clear bits that the nearest target has otherwise.
+            clear: the word of the bits that are clear.
+            off: root mean square of how much pixels differ from what is drawn there, in contrasts.
+        """
+        spec = self.spec
+        if wrong > mended(spec):
+            return Unread(WRONG_BITS, wrong, mended(spec))
+        if off > ODD:
+            return Unread("bits: mean difference from the drawing", off, ODD)
+        chance = spec.chance(are_set(clear, spec.bits))
+        return Unread("clear bits: chance of a name", chance, ANY_NAME) if chance > ANY_NAME else None
+
+    def read(self, level: Level, discs: FloatRows, matrices: FloatCubes, sign: float) -> FloatRows:
+        """(3, n) number of wrong bits, word of clear bits, how far pixels are off (`unread` takes them).
+
+        Where half a turn changes the bits, they are those of the way in which they fit a target better.
+        """
+        blurs = discs[:, 10] / np.sqrt(np.linalg.det(matrices))
+        kinds = np.abs(np.log(blurs[:, None] / BLURS)).argmin(axis=1)
+        light, contrast = discs[:, 4, None], discs[:, 4, None] - discs[:, 3, None]
+        noise = INTERPOLATED * (level.noise / contrast[:, 0]) ** 2
+        ways = (1.0,) if self.spec.frequency % 2 == 0 else (1.0, -1.0)
+        found = np.empty((len(ways), 3, len(discs)))
+        for way, rows in zip(ways, found, strict=True):
+            pixels = discs[:, None, :2] + way * np.einsum("nij,kj->nki", matrices, self.places)
+            ink = (light - sign * sampled(level.image, pixels[..., 0], pixels[..., 1])) / contrast
+            for kind in np.unique(kinds).tolist():
+                mine = kinds == kind
+                rows[:, mine] = self._compared(ink[mine], noise[mine], kind)
+        better = (found[:, 0] + np.minimum(found[:, 2], EITHER)).argmin(axis=0)
+        best: FloatRows = found[better, :, np.arange(len(discs))].T
+        return best
+
+    def _compared(self, seen: FloatRows, noise: FloatArray, kind: int) -> FloatRows:
+        """(3, n) the same of the ink that is seen (n, places); noise is the variance of a pixel."""
+        spec, words = self.spec, 1 << np.arange(self.spec.bits)
+        figure, bits, inverse = self._blurred(kind)
+        ink = EITHER + (seen - figure - EITHER * bits.sum(axis=0)) @ inverse
         has_ink = ink > EITHER
-        codes = (has_ink == spec.geometry.zero_is_sheet) @ (1 << np.arange(spec.bits))
-        is_clear = (abs(ink - EITHER) > UNCLEAR) @ (1 << np.arange(spec.bits))
-        wrong = counted((codes[:, None] ^ known) & is_clear[:, None]).min(axis=1)
-        off = np.sqrt(np.mean((ink - has_ink) ** 2, axis=1))
-        is_better = (wrong < found) | ((wrong == found) & (off < least))
-        found, least = np.where(is_better, wrong, found), np.where(is_better, off, least)
-    return found, least
+        codes = (has_ink == spec.geometry.zero_is_sheet) @ words
+        clear = (abs(ink - EITHER) > UNCLEAR) @ words
+        known = np.array(list(spec.turns), dtype=np.int64)
+        wrong = counted((codes[:, None] ^ known) & clear[:, None]).min(axis=1)
+        square = np.mean((seen - figure - has_ink @ bits) ** 2, axis=1)
+        return np.stack((wrong, clear, np.sqrt(np.maximum(square - noise, 0.0))))
+
+    def _blurred(self, kind: int) -> tuple[FloatArray, FloatRows, FloatRows]:
+        """(places,) ink of the figure, (bits, places) that of each bit, and what gives bits from places."""
+        if kind not in self._drawn:
+            from scipy.ndimage import gaussian_filter, map_coordinates
+
+            left, right, top, bottom = self.spec.geometry.sheet
+            width, height = (math.ceil(CELLS * span) for span in (right - left, bottom - top))
+            grid = np.array([-CELLS * left, -CELLS * top, CELLS])
+            table = np.empty((height, width))
+            where = [grid[k] + CELLS * self.places[:, k] for k in (1, 0)]
+            drawn = []
+            for code in [0, *(1 << bit for bit in range(self.spec.bits))]:
+                smooth_table(figure_of(self.spec), self.spec.bits, code, grid, table)
+                blurred = gaussian_filter(table, CELLS * BLURS[kind])
+                drawn.append(map_coordinates(blurred, where, order=1))
+            bits = np.array(drawn[1:]) - drawn[0]
+            normal = bits @ bits.T + (ODD / EITHER) ** 2 * np.eye(len(bits))
+            self._drawn[kind] = drawn[0], bits, bits.T @ np.linalg.inv(normal)
+        return self._drawn[kind]
 
 
 def _bit_places(spec: Specification) -> FloatCubes:

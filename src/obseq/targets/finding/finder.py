@@ -10,10 +10,11 @@ import numpy as np
 
 from obseq.dataclass import dataclass
 from obseq.targets.drawing.drawings import bits_drawn
-from obseq.targets.finding.candidates import find_discs, find_spots
-from obseq.targets.finding.chequers import EITHER, WRONG_BITS, bit_ink, chequered_discs, mended, read_bits
+from obseq.targets.finding.candidates import SURE, find_discs, find_spots
+from obseq.targets.finding.chequers import EITHER, ODD, RoughBits, bit_ink, chequered_discs, read_bits
 from obseq.targets.finding.covering import Covering, covered_by
 from obseq.targets.finding.distortion import with_one_distortion
+from obseq.targets.finding.fits import as_in_squares
 from obseq.targets.finding.levels import levels_of
 from obseq.targets.finding.measuring import FORGIVEN, Drawings, fit_drawing
 from obseq.targets.finding.rings import Reading, Unread, read_rings
@@ -32,11 +33,6 @@ LIKE = 0.85
 """Share of the grey variance, but for noise, that the drawing of a target explains at least."""
 FIGURE_LIKE = 0.75
 """And that the drawing of its central figure explains, before its code is read."""
-ODD = 0.3
-"""Contrasts by which a part of the target (a quadrant, a bit) may differ from the drawing. A bit that differs
-by as much from both of its values cannot be read."""
-ROUGHLY_ODD = 0.35
-"""And by which its bits differ in the mean square, seen roughly: of 16 pixels, by 0.35 (bench)."""
 NOTICED = 2
 """Bits that can be read and in which any other target differs: one that is wrong is noticed then."""
 CHANCE = 0.1
@@ -45,6 +41,11 @@ SPOT_LIKE = 0.97
 """And the edge of a spot without code: of a square spot the drawing of a disc explains 0.96 at most."""
 FLAT = 1e7
 """Focal length for spots, pixels: one says nothing of its perspective, what is measured is its ellipse."""
+STEP = 2.0
+"""Grey levels of the steps in which a JPEG of quality 50 keeps means of squares of 8 pixels: its table
+has 16 for eight of them. Squares of flat paper differ so: four in chequers look like a target without ink."""
+FAINTEST = SURE * STEP / math.sqrt(3.0)
+"""Grey levels between sheet and ink at least: a bit is then `SURE` sigmas of such steps from its middle."""
 INSIDE = 0.6
 """Share of a sheet within which nothing else is looked for: of what overlaps, the best is kept at last."""
 SPOT = np.array([-1.0, 1.0, -1.0, 1.0])
@@ -171,7 +172,7 @@ class _Set:
 
     def __init__(self, spec: Specification) -> None:
         self.spec = spec
-        self.drawings = Drawings(spec)
+        self.drawings, self.bits = Drawings(spec), RoughBits(spec)
         self.is_chequered = spec.geometry.is_chequered
         self.sign = 1.0 if spec.geometry.is_white == self.is_chequered else -1.0
         """1 where a white sheet has black quadrants, or a black one white spots."""
@@ -210,16 +211,13 @@ class _Search:
         """Looks for chequered targets."""
         found = find_discs(level, sign, min(one.spec.geometry.inside for one in sets))
         for one in sets:
-            places, wrong, off = chequered_discs(level, one.spec, found, sign)
-            for k in self._free(np.array([disc.centre for disc in places]).reshape(-1, 2)):
-                if wrong[k] > mended(one.spec):
-                    self._refuse(places[k], Unread(WRONG_BITS, wrong[k], mended(one.spec)))
-                elif off[k] > ROUGHLY_ODD:
-                    self._refuse(
-                        places[k], Unread("bits: mean difference from the drawing", off[k], ROUGHLY_ODD)
-                    )
+            discs = chequered_discs(level, one.bits, found, sign)
+            for k in self._free(np.array([disc.centre for disc, _ in discs]).reshape(-1, 2)):
+                disc, unread = discs[k]
+                if unread is None:
+                    self._chequered(one, disc)
                 else:
-                    self._chequered(one, places[k])
+                    self._refuse(disc, unread)
 
     def _chequered(self, one: _Set, disc: Placed) -> bool:
         fit = fit_drawing(self.image, one.drawings, -1, disc, focal=self.focal, whole=False, most_steps=3)
@@ -258,7 +256,9 @@ class _Search:
         off = np.abs(ink.bits - bits_drawn(one.spec, reading.code))
         is_doubtful = (off > ODD) & (off < 1.0 - ODD) & (ink.foreign < FORGIVEN)
         oddest = max(oddest, float(off[~is_doubtful].max(initial=0.0)))
-        if likeness < LIKE:
+        if abs(fit.gain) < FAINTEST:
+            self._refuse(fit.placed, Unread(f"{reading.name}: grey levels of ink", abs(fit.gain), FAINTEST))
+        elif likeness < LIKE:
             self._refuse(fit.placed, Unread(f"{reading.name}: likeness", likeness, LIKE))
         elif oddest > ODD:
             self._refuse(fit.placed, Unread(f"{reading.name}: a part differs", oddest, ODD))
@@ -309,6 +309,7 @@ class _Search:
             )
             self._refuse(target.fit.placed, Unread(stage, target.fit.likeness, same.fit.likeness))
         fits = with_one_distortion([one.fit for one in self.targets], self.image.shape, self.focal)
+        fits = as_in_squares(fits)
         better = {id(one): replace(one, fit=fit) for one, fit in zip(self.targets, fits, strict=True)}
         best = {name: better[id(one)] for name, one in best.items()}
         refused = [one for one in self.refused if not self._is_taken(np.array([one.x, one.y]))]

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.dataclass import dataclass
 
+SQUARE = 8
+"""Pixels of the side of the squares in which JPEG rounds: what it adds is common to those of one."""
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from obseq.arrays import FloatArray, FloatRows, IntArray
 
 
@@ -87,6 +93,8 @@ class Fit:
         places: (n, 2) of the drawing, of the pixels that count.
         residuals: (n,) drawing minus image, in parts of the gain.
         forgiven: numbers of the pixels of the image that show something else, and were left out.
+        squares: (2,) variance of the centre as whole squares of pixels say it, and as they would if no noise
+            were common to the pixels of one, over that of `joint` (`in_squares`).
         n_pixels: their number.
     """
 
@@ -99,6 +107,7 @@ class Fit:
     places: FloatRows
     residuals: FloatArray
     forgiven: IntArray
+    squares: FloatArray
 
     def likeness_with(self, noise: float) -> float:
         """The share of the variance that the drawing explains, of what noise (grey levels) does not."""
@@ -115,3 +124,38 @@ class Fit:
     def n_pixels(self) -> int:
         """Number of the pixels that count."""
         return len(self.residuals)
+
+
+def in_squares(
+    jacobian: FloatRows, inverse: FloatRows, residuals: FloatArray, pixels: IntArray, width: int
+) -> FloatArray:
+    """(2,) variance of the last two unknowns from the sums of whole squares, and what is expected of it.
+
+    The residuals of a square move the unknowns together, whatever their correlation is. The sum of the
+    squares of that is the true variance (Liang and Zeger, 1986), less what the fit has taken from residuals.
+
+    Args:
+        jacobian: (n, k).
+        inverse: (k, k) of the normal matrix.
+        residuals: (n,).
+        pixels: (n,) their numbers in the image.
+        width: of the image.
+    """
+    lines, columns = np.divmod(pixels, width)
+    squares = lines // SQUARE * width + columns // SQUARE
+    order = np.argsort(squares, kind="stable")
+    starts = np.flatnonzero(np.diff(squares[order], prepend=-1))
+    rows, left = jacobian[order], residuals[order]
+    moves = rows @ inverse[:, -2:]
+    moved = np.add.reduceat(moves * left[:, None], starts)
+    taken = np.add.reduceat(moves[:, :, None] * rows[:, None], starts)
+    free = np.square(moves).sum() - np.einsum("nki,ij,nkj->", taken, inverse, taken, optimize=True)
+    variance = left @ left / max(len(left) - len(inverse), 1)
+    stated = variance * float(np.trace(inverse[-2:, -2:]))
+    return np.array([float(np.square(moved).sum()) / stated, variance * float(free) / stated])
+
+
+def as_in_squares(fits: Sequence[Fit]) -> list[Fit]:
+    """The fits of an image with the noise that is common in squares: all together say how much that is."""
+    seen, expected = np.sum([fit.squares for fit in fits], axis=0) if fits else (1.0, 1.0)
+    return [replace(fit, joint=fit.joint * max(seen / expected, 1.0)) for fit in fits]

@@ -18,7 +18,7 @@ from obseq.targets.drawing.drawings import figure_of, inked_bits
 from obseq.targets.drawing.legend import CELL, dot_size
 from obseq.targets.drawing.painting import smooth_table
 from obseq.targets.drawing.rendering import Region, lattice, normal_equations, observe, render, spread
-from obseq.targets.finding.fits import Fit, Placed
+from obseq.targets.finding.fits import Fit, Placed, in_squares
 
 if TYPE_CHECKING:
     from obseq.arrays import Array, FloatArray, FloatRows, IntArray
@@ -128,7 +128,7 @@ def region_of(spec: Specification, placed: Placed, whole: bool) -> Region:
 
 def legend_size(spec: Specification) -> tuple[float, float]:
     """Width and height of the legend in a corner, units."""
-    letters = max(len(name) + 1 for name in spec.codes) // 2
+    letters = (spec.letters + 1) // 2
     dot = dot_size(letters, spec.geometry.radii[2])
     return CELL[0] * letters * dot, CELL[1] * dot
 
@@ -372,9 +372,8 @@ class _Iteration:
         return far < max(2.0, 0.3 * self.start.unit) and 0.6 < ratio < 1.7 and placed.smallest > 1.0
 
     def _fit(self, system: _System) -> Fit:
-        grey, variance = system.rows[:, 2], system.variance
-        whole = float(((grey - grey.mean()) ** 2).sum())
-        gain = float(self.unknowns[GAIN])
+        variance, gain = system.variance, float(self.unknowns[GAIN])
+        whole = len(system.rows) * float(np.var(system.rows[:, 2]))
         return Fit(
             self.placed,
             variance * self.inverse[BEND.start : CENTRE.stop, BEND.start : CENTRE.stop],
@@ -385,6 +384,7 @@ class _Iteration:
             system.rows[:, 5:7].copy(),
             system.residuals / (abs(gain) or 1.0),
             self.forgiven,
+            in_squares(system.jacobian, self.inverse, system.residuals, self.pixels, self.image.shape[1]),
         )
 
 
