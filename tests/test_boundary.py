@@ -139,7 +139,7 @@ def block(tmp_path):
     ("module", "name", "what"),
     [
         (causes, "diagnosed", "the search for errors"),
-        (block_record, "reliability_record", "the tests of image points"),
+        (block_record, "reliability_of", "the tests of image points"),
         (block_page, "page", "block.html"),
     ],
 )

@@ -105,7 +105,9 @@ def test_workers_of_this_machine(expected):
 @pytest.mark.parametrize("killing", [1, 2], indirect=True)
 def test_workers_that_die_in_each_phase_change_nothing(expected, killing, monkeypatch):
     monkeypatch.setattr(workers, "PATIENCE", 5.0)
-    with dask.config.set({"distributed.deploy.lost-worker-timeout": "100ms"}):  # those killed are given up
+    # Those killed are given up at once, and take what they began with them, time and again.
+    rough = {"distributed.deploy.lost-worker-timeout": "100ms", "distributed.scheduler.allowed-failures": 100}
+    with dask.config.set(rough):
         check(expected, client=2)
     assert not killing
 

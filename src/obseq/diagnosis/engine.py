@@ -9,15 +9,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Generic
+from collections.abc import Callable, Sequence
+from typing import Generic
 
 import numpy as np
 
 from obseq.diagnosis.explanation import Explanation, accepted, better, change_of, with_equals
 from obseq.diagnosis.judgement import judged, with_slips
 from obseq.diagnosis.linear_tests import LinearTests
-from obseq.diagnosis.policy import POLICY
-from obseq.diagnosis.protocol import Change, Place
+from obseq.diagnosis.policy import POLICY, Policy
+from obseq.diagnosis.protocol import Change, Model, Place
 from obseq.diagnosis.selection import (
     equals,
     gains,
@@ -32,13 +33,7 @@ from obseq.diagnosis.selection import (
 from obseq.diagnosis.verdict import ASTRAY, UNDETERMINED, Status, Verdict
 from obseq.errors import ObseqError, SingularSystemError
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.diagnosis.policy import Policy
-    from obseq.diagnosis.protocol import Model
-
-    Told = Callable[[str], None]
+Told = Callable[[str], None]
 
 
 def diagnose(model: Model[Place], policy: Policy = POLICY, told: Told | None = None) -> Verdict:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
 
 _TINY, _ROUNDING = 1e-300, 1e-9
 """Shares of the largest singular value below which one is none."""

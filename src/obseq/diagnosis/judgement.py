@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.diagnosis.explanation import Explanation, accepted
 from obseq.diagnosis.linear_tests import LinearTests
 from obseq.diagnosis.policy import POLICY
-from obseq.diagnosis.protocol import Change
+from obseq.diagnosis.protocol import Change, Model, Place
 from obseq.diagnosis.selection import equals, for_a_slip, kept, select
 from obseq.diagnosis.verdict import Accusation, Alternative, Status, Verdict
 from obseq.errors import ObseqError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.diagnosis.protocol import Model, Place
 
 MANY = (
     "more contradicts the rest than a few errors do: look for what many observations share (names, units, a "

@@ -7,26 +7,22 @@ it large, where the place is near the solution without the error: A and v0 are t
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
+from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
 from obseq.leastsquares.assembly.clusters import whitening_of
+from obseq.leastsquares.problem.priors import Prior
 from obseq.leastsquares.solvers.base import forms_by_solves
 from obseq.leastsquares.sparse import Sparse, on_diagonal, stacked, symmetric
-from obseq.leastsquares.statistics.final_state import final_state
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from obseq.arrays import FloatArray
-    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.final_state import FinalState
+from obseq.leastsquares.statistics.final_state import FinalState, final_state
 
 _AT_A_TIME = 64
 """Right-hand sides that are solved together: as many as stay in cache."""

@@ -3,38 +3,32 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.hypotheses import Family, Hypotheses
-from obseq.diagnosis.linear import linearised, with_priors
+from obseq.diagnosis.linear import Linear, linearised, with_priors
 from obseq.diagnosis.policy import LOSSES, NO_WEIGHT
+from obseq.diagnosis.protocol import Change, Slip
+from obseq.diagnosis.verdict import Accusation, Verdict
 from obseq.errors import ObseqError
-from obseq.images.adjustment.surveys import follower
+from obseq.images.adjustment.surveys import JoinedSurvey, follower
 from obseq.images.causes.other_observation import OTHER
-from obseq.images.causes.survey_equations import SurveyEquations
+from obseq.images.causes.survey_equations import SurveyEquation, SurveyEquations
 from obseq.images.diagnosing.model import DAMPED, ITERATIONS, NEAR, STAGES, TOLERANCE, Place
+from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
+from obseq.leastsquares.problem.losses import Loss
+from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares.problem.unknowns import State
+from obseq.leastsquares.sparse import Sparse
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord, SuspectRecord
 from obseq.survey.causes.catalogue import RARITY
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import BoolArray
-    from obseq.diagnosis.linear import Linear
-    from obseq.diagnosis.protocol import Change, Slip
-    from obseq.diagnosis.verdict import Accusation, Verdict
-    from obseq.images.adjustment.surveys import JoinedSurvey
-    from obseq.images.causes.survey_equations import SurveyEquation
-    from obseq.leastsquares import Batch, LeastSquares, LeastSquaresResult
-    from obseq.leastsquares.problem.losses import Loss
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.problem.unknowns import State
-    from obseq.leastsquares.sparse import Sparse
 
 
 class Observation(NamedTuple):

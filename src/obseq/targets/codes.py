@@ -7,17 +7,13 @@ a class gives it its place in the order of names.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, IntArray, IntRows
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.arrays import BoolArray, IntArray, IntRows
 
 MOST_BITS = 24
 """Classes are listed from tables of all codes: 16 million entries at most."""

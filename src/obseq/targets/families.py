@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
@@ -17,9 +17,6 @@ from obseq.targets.codes import (
     ring_codes,
 )
 from obseq.targets.specification import Geometry, Specification
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
 
 ANY_RUN = (1000, 1000)
 

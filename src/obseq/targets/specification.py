@@ -7,19 +7,15 @@ down, angles are atan2(y, x): they grow clockwise on the page.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.errors import InputError, nearest
 from obseq.targets.codes import check_bits, counted, least_distance, members, rotated
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from obseq.arrays import BoolArray, FloatArray
 
 DRAWING = 1800
 """Pixels across a drawing before it is reduced."""

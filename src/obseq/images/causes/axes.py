@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.camera import Camera
 from obseq.images.causes.comparison import principal_shift
-from obseq.images.causes.shared import SharedCause, Told, Trial
-from obseq.images.initial.conventions import CONVENTIONS, SIZES
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.camera import Camera
-    from obseq.images.causes.shared import Subject
-    from obseq.images.control import ControlPoints
-    from obseq.images.initial.conventions import Convention
-    from obseq.images.measures import ImagePoints
+from obseq.images.causes.shared import SharedCause, Subject, Told, Trial
+from obseq.images.control import ControlPoints
+from obseq.images.initial.conventions import CONVENTIONS, SIZES, Convention
+from obseq.images.measures import ImagePoints
 
 OFF_MIDDLE = 0.1
 """Share of the size of an image by which no principal point is off its middle, as a rule."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.causes.cause import Cause, Members
-from obseq.images.causes.shared import SharedCause, Told, Trial
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.causes.numbering import Numbering
-    from obseq.images.causes.shared import Subject
+from obseq.images.causes.numbering import Numbering
+from obseq.images.causes.shared import SharedCause, Subject, Told, Trial
 
 
 def _where_of_parameter(numbering: Numbering) -> Members:

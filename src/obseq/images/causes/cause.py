@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from obseq.arrays import IntArray
-    from obseq.diagnosis.protocol import Change, Slip
-    from obseq.images.causes.evidence import Evidence
-    from obseq.images.causes.numbering import Numbering
+from obseq.diagnosis.protocol import Change, Slip
+from obseq.images.causes.evidence import Evidence
+from obseq.images.causes.numbering import Numbering
 
 
 @dataclass(frozen=True, eq=False)

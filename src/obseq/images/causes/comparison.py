@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.camera import Camera
 from obseq.images.names import are_among
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.camera import Camera
-    from obseq.images.poses import Poses
+from obseq.images.poses import Poses
 
 
 def principal_shift(found: BundleSolution) -> float:

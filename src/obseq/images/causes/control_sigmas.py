@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
-from obseq.images.causes.shared import SharedCause, Told, Trial
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.causes.shared import Subject
+from obseq.arrays import FloatArray
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.causes.shared import SharedCause, Subject, Told, Trial
 
 FACTORS = ((1000.0, "millimetres"), (100.0, "centimetres"))
 ABOUT = 1.8

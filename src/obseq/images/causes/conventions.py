@@ -7,26 +7,21 @@ given; the way in which nearly all of them fit is told.
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.diagnosis.policy import POLICY
-from obseq.diagnosis.protocol import Slip
+from obseq.diagnosis.protocol import Change, Slip
 from obseq.errors import ObseqError
+from obseq.images.camera import Camera
+from obseq.images.causes.evidence import Evidence
 from obseq.images.control import ControlPoints
 from obseq.images.initial.conventions import OF_ONE_IMAGE
 from obseq.images.initial.resection import ResectionOptions, resect
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.diagnosis.protocol import Change
-    from obseq.images.camera import Camera
-    from obseq.images.causes.evidence import Evidence
 
 NEARLY_ALL = 0.9
 """Share of the measures that must fit."""

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
+from obseq.images.camera import Camera
+from obseq.images.causes.numbering import Numbering
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.camera import Camera
-    from obseq.images.causes.numbering import Numbering
 
 
 @dataclass(frozen=True, eq=False)

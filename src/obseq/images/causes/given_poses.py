@@ -7,30 +7,25 @@ compared with the ones that were given.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.causes.comparison import common
 from obseq.images.causes.pose_rewritings import (
     MOST,
+    Rewriting,
     compared,
     exchanges,
     rewritings_of,
     without_rotations,
 )
-from obseq.images.causes.shared import SharedCause, Told, Trial
+from obseq.images.causes.shared import SharedCause, Subject, Told, Trial
 from obseq.images.causes.unit_of_control import with_control_divided
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.causes.pose_rewritings import Rewriting
-    from obseq.images.causes.shared import Subject
 
 LEAST, WORST, PAIR = 4, 3, 2
 """Images of a block in which two may be exchanged; the worst that are tried; how many are exchanged."""

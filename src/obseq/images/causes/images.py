@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import IntArray
 from obseq.images.causes.cause import Cause, Members
 from obseq.images.causes.conventions import slips_of_a_camera, slips_of_images
-
-if TYPE_CHECKING:
-    from obseq.arrays import IntArray
-    from obseq.images.causes.numbering import Numbering
-
+from obseq.images.causes.numbering import Numbering
 
 LEAST = 4
 """Image points of an image: three determine its pose, whatever they are."""

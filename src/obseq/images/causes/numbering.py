@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import BoolArray, IntArray
+from obseq.images.adjustment.equations import Equations
+from obseq.images.adjustment.surveys import JoinedSurvey
 from obseq.images.causes.survey_equations import SurveyEquations
 from obseq.images.names import are_among, numbered
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import BoolArray, IntArray
-    from obseq.images.adjustment.equations import Equations
-    from obseq.images.adjustment.surveys import JoinedSurvey
-    from obseq.leastsquares import Batch
-    from obseq.leastsquares.problem.priors import Prior
+from obseq.leastsquares import Batch
+from obseq.leastsquares.problem.priors import Prior
 
 
 class Other(NamedTuple):

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.diagnosis.protocol import Change, Slip
 from obseq.images.adjustment.quality import EquationNames
 from obseq.images.causes.cause import Cause, Members
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.diagnosis.protocol import Change, Slip
-    from obseq.images.causes.evidence import Evidence
-    from obseq.images.causes.numbering import Numbering
-    from obseq.images.causes.survey_equations import SurveyEquation
+from obseq.images.causes.evidence import Evidence
+from obseq.images.causes.numbering import Numbering
+from obseq.images.causes.survey_equations import SurveyEquation
 
 
 def survey_equation(numbering: Numbering, label: tuple[int, ...]) -> SurveyEquation | None:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from obseq.diagnosis.page import Page, price
+from obseq.images.causes.cause import Cause
 from obseq.images.causes.registry import CAUSES, SHARED
-
-if TYPE_CHECKING:
-    from obseq.images.causes.cause import Cause
-    from obseq.images.causes.shared import SharedCause
+from obseq.images.causes.shared import SharedCause
 
 _ONE_IMAGE = ("Nearly all measures of the image must fit so, from a pose of its own.",)
 

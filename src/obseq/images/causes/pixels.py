@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.diagnosis.policy import POLICY
-from obseq.diagnosis.protocol import Slip
+from obseq.diagnosis.protocol import Change, Slip
+from obseq.images.causes.evidence import Evidence
 from obseq.survey.causes.values import COORDINATE, explain
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.diagnosis.protocol import Change
-    from obseq.images.causes.evidence import Evidence
 
 
 def slips_of_a_pixel(evidence: Evidence, label: tuple[int, ...], change: Change) -> Iterator[Slip]:

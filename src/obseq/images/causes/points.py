@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.diagnosis.policy import POLICY
-from obseq.diagnosis.protocol import Slip
+from obseq.diagnosis.protocol import Change, Slip
 from obseq.images.causes.cause import Cause, Members
+from obseq.images.causes.evidence import Evidence
+from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.pixels import slips_of_a_pixel
 from obseq.survey.causes.values import COORDINATE, explain
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.diagnosis.protocol import Change
-    from obseq.images.causes.evidence import Evidence
-    from obseq.images.causes.numbering import Numbering
 
 
 def _where_of_image_point(numbering: Numbering) -> Members:

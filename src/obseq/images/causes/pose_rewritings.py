@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.errors import InputError
 from obseq.geometry import exponential
 from obseq.images.causes.axes import ORDERS
@@ -18,11 +20,6 @@ from obseq.images.initial.growth import similarity
 from obseq.images.initial.units import UNITS
 from obseq.images.parts import PoseObservations
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from obseq.arrays import FloatArray, IntArray
 
 NEAR = 0.3
 """Share of the way to its own place within which an image is at that of another, or where it was written."""

@@ -6,16 +6,12 @@ tried where single errors explain nothing and enough is left for them to explain
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator
 
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.poses import Poses
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.solution import BundleSolution
+from obseq.images.poses import Poses
 
 
 @dataclass(frozen=True, eq=False)

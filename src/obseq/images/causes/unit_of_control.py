@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from obseq.images.causes.shared import SharedCause, Told, Trial
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.causes.shared import SharedCause, Subject, Told, Trial
 from obseq.images.initial.units import unit_of_control
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.causes.shared import Subject
 
 
 def _trials(subject: Subject) -> Iterator[Trial]:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.diagnosis.linear import Linear
 from obseq.images.adjustment.equations import roots_of
+from obseq.images.causes.cause import Cause
+from obseq.images.causes.numbering import Numbering
 from obseq.images.causes.registry import CAUSES
 from obseq.leastsquares.sparse import Sparse, on_diagonal, stacked
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.diagnosis.linear import Linear
-    from obseq.images.causes.cause import Cause
-    from obseq.images.causes.numbering import Numbering
 
 STEP = 1e-5
 """Share of the focal length, and of 1 for the other parameters, by which derivatives are taken."""

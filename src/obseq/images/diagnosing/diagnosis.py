@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 from msgspec import structs
@@ -13,8 +14,10 @@ from obseq.cached import cached_property
 from obseq.diagnosis.engine import Search, diagnose
 from obseq.diagnosis.judgement import MANY as MANY_ERRORS
 from obseq.diagnosis.policy import POLICY, Policy
-from obseq.diagnosis.verdict import Status
+from obseq.diagnosis.verdict import Status, Verdict
 from obseq.errors import SingularSystemError
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.surveys import follower
 from obseq.images.causes.axes import CONTROL_AXES, IMAGE_AXES
 from obseq.images.causes.comparison import has_robust_weights, is_mirrored
@@ -28,20 +31,12 @@ from obseq.images.diagnosing.largest_tests import sizes_of_tests
 from obseq.images.diagnosing.model import BlockModel
 from obseq.images.diagnosing.record import record_of_fits, record_of_verdict, with_mirrors
 from obseq.images.diagnosing.starts import start_from_images, start_from_measures
-from obseq.images.diagnosing.trials import Tries, is_good, may_be_shared, squares
+from obseq.images.diagnosing.trials import Fit, Tries, is_good, may_be_shared, squares
 from obseq.images.diagnosing.whole_images import images_off, with_images
 from obseq.images.initial.conventions import MOST_MEASURES, MOST_PLACED
+from obseq.images.poses import Poses
 from obseq.leastsquares.statistics.hypothesis_tests import robust_spread
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.diagnosis.verdict import Verdict
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.diagnosing.trials import Fit
-    from obseq.images.poses import Poses
 
 MANY = 3
 """Errors from which one mistake that all observations share is likelier."""

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
+from obseq.images.adjustment.equations import MeasureBatch
 from obseq.images.adjustment.quality import EquationNames
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.causes.comparison import has_robust_weights
+from obseq.leastsquares import Batch
+from obseq.leastsquares.problem.priors import Prior
 from obseq.leastsquares.statistics.hypothesis_tests import robust_spread
+from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
+from obseq.leastsquares.statistics.reliability import Reliability
 from obseq.records.record import Record
 
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.images.adjustment.equations import MeasureBatch
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.leastsquares import Batch
-    from obseq.leastsquares.problem.priors import Prior
-    from obseq.leastsquares.statistics.observation_reliability import ObservationReliability
-    from obseq.leastsquares.statistics.reliability import Reliability
-
-    Tested = ObservationReliability[Batch | Prior]
+Tested = ObservationReliability[Batch | Prior]
 
 LISTED = 20
 """Equations that are listed by name."""

@@ -2,38 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.cached import cached_property
-from obseq.diagnosis.linear import linearised, with_priors
+from obseq.diagnosis.columns import Columns
+from obseq.diagnosis.hypotheses import Hypotheses
+from obseq.diagnosis.linear import Linear, linearised, with_priors
 from obseq.diagnosis.policy import LOSSES, NO_WEIGHT, POLICY
+from obseq.diagnosis.protocol import Change, Slip
 from obseq.errors import ObseqError
 from obseq.images.adjustment.approach import approach
-from obseq.images.adjustment.start import contradicted
+from obseq.images.adjustment.equations import MeasureBatch
+from obseq.images.adjustment.start import Start, contradicted
 from obseq.images.causes.cameras import HELD_PARAMETER
 from obseq.images.causes.evidence import Evidence
+from obseq.images.causes.numbering import Numbering
 from obseq.images.diagnosing.catalogue import Catalogue
 from obseq.images.initial.rough import ROUGH
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.diagnosis.columns import Columns
-    from obseq.diagnosis.hypotheses import Hypotheses
-    from obseq.diagnosis.linear import Linear
-    from obseq.diagnosis.protocol import Change, Slip
-    from obseq.images.adjustment.equations import MeasureBatch
-    from obseq.images.adjustment.start import Start
-    from obseq.images.causes.numbering import Numbering
-    from obseq.leastsquares import LeastSquares, LeastSquaresResult
-    from obseq.leastsquares.problem.losses import GemanMcClure, Huber
-    from obseq.leastsquares.problem.unknowns import State
+from obseq.leastsquares import LeastSquares, LeastSquaresResult
+from obseq.leastsquares.problem.losses import GemanMcClure, Huber
+from obseq.leastsquares.problem.unknowns import State
 
 STAGES, ROUNDS = (25, 8, 8), 5
 """The most iterations with each loss of the robust start; where it begins at a solution, with each."""

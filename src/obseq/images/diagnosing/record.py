@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from msgspec import structs
 
-from obseq.diagnosis.verdict import Status
+from obseq.arrays import FloatArray
+from obseq.diagnosis.verdict import Accusation, Status, Verdict
 from obseq.images.causes.images import CAMERA_IMAGES, IMAGE
 from obseq.images.causes.other_observation import OTHER, survey_equation
 from obseq.images.causes.points import CONTROL_COORDINATE, CONTROL_POINT
+from obseq.images.causes.survey_equations import SurveyEquation
+from obseq.images.diagnosing.catalogue import Catalogue, Named
+from obseq.images.diagnosing.trials import Fit
 from obseq.printable import listed
 from obseq.records.diagnosis import (
     AccusedRecord,
@@ -20,13 +22,6 @@ from obseq.records.diagnosis import (
     SlipRecord,
     SuspectRecord,
 )
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray
-    from obseq.diagnosis.verdict import Accusation, Verdict
-    from obseq.images.causes.survey_equations import SurveyEquation
-    from obseq.images.diagnosing.catalogue import Catalogue, Named
-    from obseq.images.diagnosing.trials import Fit
 
 MOST_NAMED = 3
 """Places that are listed by name; of more, how many they are."""

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obseq.diagnosis.engine import diagnose
 from obseq.diagnosis.verdict import Status
 from obseq.errors import InputError, ObseqError, SingularSystemError
+from obseq.images.adjustment.adjustable import AdjustableBlock
 from obseq.images.adjustment.equations import Equations
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import ContradictionError, start_of
 from obseq.images.causes.conventions import convention_of
 from obseq.images.causes.images import IMAGE
@@ -24,18 +26,11 @@ from obseq.images.diagnosing.record import record_of_fits, record_of_verdict
 from obseq.images.diagnosing.starts import placed_by_images
 from obseq.images.diagnosing.trials import Tries, is_accepted
 from obseq.images.initial.conventions import MOST_PLACED
-from obseq.images.initial.growth import place_loosely
+from obseq.images.initial.growth import Growth, place_loosely
 from obseq.images.names import are_among
 from obseq.leastsquares import LeastSquares
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord
 from obseq.records.record import to_plain
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.initial.growth import Growth
 
 MOST_LOST = 3
 """One of so many images at most may have no place at all, for the others to say why."""

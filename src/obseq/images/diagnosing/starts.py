@@ -7,21 +7,17 @@ from __future__ import annotations
 
 import functools
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.errors import InputError, ObseqError
-from obseq.images.adjustment.start import start_of
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.start import Start, start_of
 from obseq.images.control import ControlPoints
 from obseq.images.initial.growth import place_images, place_the_last, similarity
 from obseq.images.measures import ImagePoints
 from obseq.images.poses import Poses
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.start import Start
 
 
 def without_poses(block: AdjustableBlock) -> AdjustableBlock:

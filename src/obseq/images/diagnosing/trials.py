@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -11,19 +11,15 @@ from obseq.dataclass import dataclass
 from obseq.diagnosis.explanation import accepted
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.adjustment.start import LEAST_RAYS
 from obseq.images.causes.comparison import is_mirrored, moved, principal_shift
 from obseq.images.causes.registry import SHARED
+from obseq.images.causes.shared import SharedCause, Subject, Told, Trial
 from obseq.images.measures import ImagePoints
 from obseq.images.names import are_among
 from obseq.leastsquares.statistics.distributions import chi_square_limit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.causes.shared import SharedCause, Subject, Told, Trial
 
 ITERATIONS, TOLERANCE = 50, 1e-4
 """Of a trial: how many, and the share of its standard deviation by which an unknown may still move."""

@@ -6,22 +6,18 @@ what else is wrong.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from msgspec import structs
 
+from obseq.arrays import IntArray
 from obseq.diagnosis.policy import POLICY
 from obseq.diagnosis.protocol import Change
 from obseq.diagnosis.verdict import Status
 from obseq.images.causes.evidence import Evidence
 from obseq.images.causes.images import IMAGE
+from obseq.images.diagnosing.model import BlockModel, Place
 from obseq.leastsquares.statistics.distributions import chi_square_limit
 from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, SlipRecord
-
-if TYPE_CHECKING:
-    from obseq.arrays import IntArray
-    from obseq.images.diagnosing.model import BlockModel, Place
 
 _HALF = 0.5
 """Share of the images that may be wrong: of more, the others might as well be."""

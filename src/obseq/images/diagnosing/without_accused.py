@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
 from obseq.diagnosis.verdict import Status
 from obseq.errors import InputError
+from obseq.images.adjustment.adjustable import AdjustableBlock
+from obseq.images.adjustment.solution import BundleSolution
 from obseq.images.causes.numbering import Numbering
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from obseq.images.adjustment.adjustable import AdjustableBlock
-    from obseq.images.adjustment.solution import BundleSolution
-    from obseq.images.control import ControlPoints
-    from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, KnownRecord
+from obseq.images.control import ControlPoints
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord, KnownRecord
 
 
 def without_accused(solution: BundleSolution, diagnosis: DiagnosisRecord | None) -> AdjustableBlock:

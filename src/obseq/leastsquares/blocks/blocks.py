@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from typing import IO, TYPE_CHECKING
+from pathlib import Path
+from types import TracebackType
+from typing import IO
 from weakref import finalize
 
 from obseq.cached import cached_property
@@ -15,16 +18,9 @@ from obseq.leastsquares.blocks import workers
 from obseq.leastsquares.blocks.files import VERSIONS, Value
 from obseq.leastsquares.blocks.folders import claimed
 from obseq.leastsquares.blocks.memory import bytes_of, in_use, told
-from obseq.leastsquares.blocks.partition import ROOM
+from obseq.leastsquares.blocks.partition import ROOM, Partition, Tree
 from obseq.leastsquares.blocks.tasks import task
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-    from types import TracebackType
-
-    from obseq.leastsquares.blocks.partition import Partition, Tree
-    from obseq.leastsquares.solvers.protocol import SymmetricPattern
+from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
 WORKER = 150_000_000
 """Bytes of a worker beside its parts: 66 MB when it has nothing to do, and what it loads for the first."""

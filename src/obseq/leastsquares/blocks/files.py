@@ -11,20 +11,17 @@ import hashlib
 import os
 import pickle
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from tempfile import mkstemp
-from typing import IO, TYPE_CHECKING, Any, TypeAlias
+from typing import IO, Any, TypeAlias
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IndexArray
 from obseq.errors import InputError
 from obseq.version import __version__
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray, IndexArray
 
 Value: TypeAlias = Any
 """What a task is given and gives: arrays, names, what a file has; or what Dask is made of."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
 from obseq.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 PREFIX = "obseq-blocks-"
 

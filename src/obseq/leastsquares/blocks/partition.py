@@ -7,20 +7,17 @@ piece of the elimination tree: its own unknowns, and the outer ones, which parts
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import IndexArray, IntArray
 from obseq.leastsquares.solvers.graph import group_indistinguishable
 from obseq.leastsquares.solvers.ordering import elimination_order, resolve_ordering
+from obseq.leastsquares.solvers.protocol import SymmetricPattern
 from obseq.leastsquares.solvers.schedule import assign_tasks
 from obseq.leastsquares.solvers.symbolic import row_structure, supernodal_order, unknowns_in_order
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import IndexArray, IntArray
-    from obseq.leastsquares.solvers.protocol import SymmetricPattern
 
 MANY = 2001
 """Unknowns for which an order of nested dissection is taken: parts are made of it however few there are."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IndexArray, IntArray
 from obseq.errors import InputError
 from obseq.leastsquares.blocks.files import (
     VERSIONS,
@@ -19,11 +21,6 @@ from obseq.leastsquares.blocks.files import (
 from obseq.leastsquares.solvers.blas import one_blas_thread
 from obseq.leastsquares.solvers.cholesky import SupernodalCholesky
 from obseq.leastsquares.solvers.protocol import Defect, SymmetricPattern
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import FloatArray, IndexArray, IntArray
 
 OF_AN_ELIMINATION = ("defect", "factor", "rest")
 """Files of an elimination, the one that is written last first."""

@@ -120,7 +120,10 @@ class Workers:
         dask = _dask()
         self._cluster = self._own(
             dask.LocalCluster(
-                n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=memory or 0
+                n_workers=count,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                memory_limit=memory or 0,
             )
         )
         client = self._own(dask.Client(self._cluster))

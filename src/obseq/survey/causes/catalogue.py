@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from random import Random
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import Array, FloatArray, IndexArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.diagnosis.columns import Columns
 from obseq.diagnosis.hypotheses import Family, Hypotheses
+from obseq.diagnosis.linear import Linear
 from obseq.leastsquares.sparse import Sparse
+from obseq.survey.causes.cause import Cause, Groups, KnownCause
+from obseq.survey.causes.effects import Effects
+from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.registry import CAUSES, OF_KNOWN
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import Array, FloatArray, IndexArray, IntArray
-    from obseq.diagnosis.linear import Linear
-    from obseq.survey.causes.cause import Cause, Groups, KnownCause
-    from obseq.survey.causes.effects import Effects
-    from obseq.survey.causes.notes import Notes
-    from obseq.survey.equations.equations import Equations
-    from obseq.survey.equations.known_coordinates import KnownCoordinates
+from obseq.survey.equations.equations import Equations
+from obseq.survey.equations.known_coordinates import KnownCoordinates
 
 ROW, KNOWN, KNOWN_PLAN = "S100", "S110", "S111"
 _FEW = 200_000

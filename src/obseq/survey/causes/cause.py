@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import BoolArray, FloatArray, IndexArray, IntArray
-    from obseq.survey.causes.effects import Effects
-    from obseq.survey.causes.notes import Notes
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.causes.effects import Effects
+from obseq.survey.causes.notes import Notes
+from obseq.survey.model import FieldBook, Points
 
 
 @dataclass(frozen=True, eq=False)

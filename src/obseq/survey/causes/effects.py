@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.causes.notes import Notes
-    from obseq.survey.equations.equations import Equations
+from obseq.survey.causes.notes import Notes
+from obseq.survey.equations.equations import Equations
 
 _SHORTEST = 1e-3
 """Length of a sight (m) below which nothing is divided by it."""

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.survey.causes.cause import KnownCause
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
 
 
 def _too_large(places: FloatArray, components: IntArray, curvature: float) -> FloatArray:

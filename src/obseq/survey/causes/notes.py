@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray, IntArray
 from obseq.cached import cached_property
 from obseq.dataclass import dataclass
 from obseq.survey.adjustment.joint_groups import vector_numbers
 from obseq.survey.kinds.kind import Start
 from obseq.survey.kinds.registry import AXIS_OF_VECTOR, among, codes_for, codes_where
-from obseq.survey.model import GroupKind
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray, IntArray
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, GroupKind, Points
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
+from obseq.survey.causes.effects import Effects
 from obseq.survey.kinds.registry import IS_ANGLE
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.causes.effects import Effects
 
 _PRISM = 0.02
 """How well a sight to another point is known (m): its prism may have another height."""

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.geometry import closest_rotation
 from obseq.survey.causes.cause import Rewritten
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.causes.notes import Notes
-    from obseq.survey.model import Points
+from obseq.survey.causes.notes import Notes
+from obseq.survey.model import Points
 
 _LEAST = 4
 """Known points from which they can be said to be wrong together."""

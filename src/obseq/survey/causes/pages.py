@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from itertools import chain
-from typing import TYPE_CHECKING
 
 from obseq.diagnosis.page import Page, price
 from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, RARITY, ROW
+from obseq.survey.causes.cause import Cause, KnownCause
 from obseq.survey.causes.registry import CAUSES, OF_KNOWN
 from obseq.survey.causes.rewriting import REWRITINGS, SCOPES
-
-if TYPE_CHECKING:
-    from obseq.survey.causes.cause import Cause, KnownCause
 
 _UNITS = {"m": "metres", "rad": "radians", "": "as a ratio"}
 _REDONE = "The values are put right, and the network is computed anew: most contradictions must go."

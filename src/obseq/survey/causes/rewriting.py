@@ -6,28 +6,23 @@ They are tried as what they are: the values are written anew, and the network is
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
-from obseq.survey.causes.cause import Rewritten, grouped
+from obseq.survey.causes.cause import Groups, Rewritten, Scope, grouped
+from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.other_system import other_system
 from obseq.survey.causes.scopes import ALL, FILE, FROM
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.kinds.registry import BY_CODE, IS_ANGLE
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.causes.cause import Groups, Scope
-    from obseq.survey.causes.notes import Notes
-    from obseq.survey.equations.point_system import PointSystem
-    from obseq.survey.model import Points
+from obseq.survey.model import Points
 
 _TURN, _FEET = 2.0 * math.pi, 0.3048
 

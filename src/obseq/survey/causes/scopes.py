@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import IntArray
 from obseq.survey.causes.cause import Scope
-
-if TYPE_CHECKING:
-    from obseq.arrays import IntArray
-    from obseq.survey.causes.notes import Notes
+from obseq.survey.causes.notes import Notes
 
 
 def _setup(notes: Notes, label: int, rows: IntArray) -> str:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.survey.causes.cause import Cause, Groups
+from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.scopes import FROM, READING, SETUP, SIGHT, TO
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray
-    from obseq.survey.causes.notes import Notes
 
 
 def _later_readings(cause: Cause, notes: Notes, active: BoolArray) -> list[Groups]:

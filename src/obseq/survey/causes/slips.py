@@ -7,15 +7,18 @@ was written, and where a fit by accident is improbable.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
-from obseq.diagnosis.protocol import Slip
-from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, ROW
+from obseq.diagnosis.protocol import Change, Slip
+from obseq.report.tables.units import Units
+from obseq.survey.causes.catalogue import KNOWN, KNOWN_PLAN, ROW, Named
 from obseq.survey.causes.constants import CONSTANT, LEVEL_SCALE, SCALE
+from obseq.survey.causes.effects import Effects
 from obseq.survey.causes.other_points import (
     other_backsights,
     other_standpoint,
@@ -26,17 +29,8 @@ from obseq.survey.causes.set_ups import CIRCLE, INSTRUMENT_HEIGHT, STANDPOINT, T
 from obseq.survey.causes.values import COORDINATE, difference, explain
 from obseq.survey.causes.vector_slips import UNITS, slips_of_vector
 from obseq.survey.causes.vectors import WHOLE_VECTOR
+from obseq.survey.equations.point_system import PointSystem
 from obseq.survey.kinds.registry import BY_CODE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray
-    from obseq.diagnosis.protocol import Change
-    from obseq.report.tables.units import Units
-    from obseq.survey.causes.catalogue import Named
-    from obseq.survey.causes.effects import Effects
-    from obseq.survey.equations.point_system import PointSystem
 
 PRISMS = (0.0344, 0.0300, 0.0350, 0.0175, 0.0169, 0.0231, 0.0400, 0.0111, 0.0086)
 """Constants (m) by which prisms of makers differ from each other and from none."""

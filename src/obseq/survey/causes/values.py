@@ -10,17 +10,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
-from obseq.report.tables.units import METRIC, Scale, Sexagesimal
+from obseq.report.tables.units import METRIC, Scale, Sexagesimal, Units
 from obseq.survey.kinds.kind import ObservationKind, Start
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from obseq.report.tables.units import Units
 
 GON = 200.0 / math.pi
 FEET = 0.3048

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.diagnosis.protocol import Slip
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.causes.effects import Effects
+from obseq.survey.causes.effects import Effects
 
 UNITS = (
     ("W126", "millimetres read as metres", 1e-3),

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from obseq.survey.causes.cause import Cause, grouped
+from obseq.arrays import BoolArray
+from obseq.survey.causes.cause import Cause, Groups, grouped
+from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.scopes import FROM, FROM_IN_FILE, TO, TO_IN_FILE, VECTOR
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray
-    from obseq.survey.causes.cause import Groups
-    from obseq.survey.causes.notes import Notes
 
 
 def _whole(cause: Cause, notes: Notes, active: BoolArray) -> list[Groups]:

@@ -12,21 +12,17 @@ error of the vertical circle. Means are free of both, so means are adjusted.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import Array, BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import listed
 from obseq.survey.kinds.directions import HZ, ZEN
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import Array, BoolArray, FloatArray, IntArray
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook
 
 MEAN, ALL = "mean", "all"
 """What becomes of readings in both faces."""

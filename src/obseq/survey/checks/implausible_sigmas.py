@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray
 from obseq.survey.kinds.registry import IS_ANGLE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import BoolArray, FloatArray
-    from obseq.survey.model import FieldBook, Points
+from obseq.survey.model import FieldBook, Points
 
 TIMES = 300.0
 """How many times larger than the usual one of its kind a sigma is that is told: a slip of 1000 shows."""

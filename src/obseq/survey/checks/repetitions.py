@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import FloatArray, IntArray
 from obseq.survey.kinds.registry import IS_ANGLE
-from obseq.survey.model import GroupKind
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import FloatArray, IntArray
-    from obseq.survey.model import FieldBook
+from obseq.survey.model import FieldBook, GroupKind
 
 SHORTEST_RUN = 3
 """Equal observations in a row of which something is said."""

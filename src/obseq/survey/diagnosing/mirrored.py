@@ -6,16 +6,13 @@ points then lie as approximate coordinates do in a mirror; exchanged eastings an
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from obseq.survey.initial.initial_values import InitialValues
-    from obseq.survey.model import Points
+from obseq.survey.initial.initial_values import InitialValues
+from obseq.survey.model import Points
 
-    Complex = npt.NDArray[np.complex128]
+Complex = npt.NDArray[np.complex128]
 
 _LEAST = 3
 """Points that must have been replaced."""

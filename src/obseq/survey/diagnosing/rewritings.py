@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from operator import itemgetter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray, FloatArray, IntArray
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY
 from obseq.errors import ObseqError
 from obseq.graphs import outwards
+from obseq.survey.causes.cause import Rewritten
+from obseq.survey.causes.notes import Notes
 from obseq.survey.causes.rewriting import rewritten
 from obseq.survey.causes.values import is_possible
-from obseq.survey.initial.left_out import part_of
+from obseq.survey.diagnosing.network_model import NetworkModel
+from obseq.survey.initial.left_out import Determined, part_of
+from obseq.survey.model import FieldBook, Points
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from obseq.arrays import BoolArray, FloatArray, IntArray
-    from obseq.survey.causes.cause import Rewritten
-    from obseq.survey.causes.notes import Notes
-    from obseq.survey.diagnosing.network_model import NetworkModel
-    from obseq.survey.initial.left_out import Determined
-    from obseq.survey.model import FieldBook, Points
-
-    Begin = Callable[[Points, FieldBook], Determined]
+Begin = Callable[[Points, FieldBook], Determined]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import structs
 
+from obseq.arrays import BoolArray
 from obseq.dataclass import dataclass
 from obseq.diagnosis.policy import POLICY, Policy
 from obseq.leastsquares.statistics.hypothesis_tests import non_centrality
 from obseq.leastsquares.statistics.joint_levels import joint_p_value
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.quality import RejectionRecord, SnoopingRecord
+from obseq.survey.adjustment.adjusted import Adjustment
+from obseq.survey.adjustment.quality import Quality
+from obseq.survey.model import FieldBook
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from obseq.arrays import BoolArray
-    from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
-    from obseq.survey.adjustment.adjusted import Adjustment
-    from obseq.survey.adjustment.quality import Quality
-    from obseq.survey.model import FieldBook
-
-    Diagnose = Callable[[Policy], DiagnosisRecord]
+Diagnose = Callable[[Policy], DiagnosisRecord]
 
 CLEAN = "no test rejects any more"
 INSEPARABLE = "a test rejects, but cannot tell which of several observations is wrong"

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import BoolArray
 from obseq.diagnosis.verdict import Status
 from obseq.errors import InputError
 from obseq.printable import listed
+from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
 from obseq.records.quality import UnusedRecord
 from obseq.survey.equations.known_coordinates import COMPONENTS
+from obseq.survey.model import FieldBook, Points
 from obseq.survey.points import CoordinateCovariance
-
-if TYPE_CHECKING:
-    from obseq.arrays import BoolArray
-    from obseq.records.diagnosis import AccusedRecord, DiagnosisRecord
-    from obseq.survey.model import FieldBook, Points
 
 REASON = "an adjustment without what is accused was asked for"
 _MOST = 3

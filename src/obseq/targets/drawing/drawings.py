@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import Array, FloatArray, FloatRows
 from obseq.targets.drawing.legend import legend_boxes
 from obseq.targets.drawing.painting import ROWS_APART, Figure, bit_sums, paint
-from obseq.targets.specification import REDUCTION
-
-if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, FloatRows
-    from obseq.targets.specification import Specification
+from obseq.targets.specification import REDUCTION, Specification
 
 
 def figure_of(spec: Specification) -> Figure:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from obseq.arrays import FloatArray, FloatRows
 from obseq.compilation import compiled
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows
 
 QUARTER, TURN = math.pi / 2, 2.0 * math.pi
 ROWS_APART = math.sqrt(2.0) / 4

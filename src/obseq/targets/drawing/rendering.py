@@ -8,15 +8,13 @@ A place `m` of the drawing (units) is seen at `t + p + |p|^2 c` (pixels) with `p
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatCubes, FloatRows, IntArray
 from obseq.compilation import compiled
 from obseq.targets.drawing.painting import Figure, bit_of, ink_at
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatCubes, FloatRows, IntArray
 
 NEAREST = 0.1
 """Least depth of a place of the drawing, over that of its centre."""

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 import zlib
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from obseq.arrays import FloatRows
 from obseq.dataclass import dataclass
 from obseq.errors import InputError
 from obseq.printable import printable_line
 from obseq.targets.drawing.drawings import figure_of, inked_bits, row_box
 from obseq.targets.drawing.legend import legend_places
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from obseq.arrays import FloatRows
-    from obseq.targets.specification import Specification
+from obseq.targets.specification import Specification
 
 MILLIMETRE = 72.0 / 25.4
 """Points of PDF."""

@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import Array, FloatArray, FloatCubes, FloatRows
 from obseq.targets.codes import counted
 from obseq.targets.drawing.drawings import figure_of, row_box
 from obseq.targets.drawing.painting import smooth_table
 from obseq.targets.drawing.rendering import blur_layers, layers, normal_equations
 from obseq.targets.finding.candidates import gaussian
 from obseq.targets.finding.figures import INTERPOLATED
-from obseq.targets.finding.fits import Placed
-from obseq.targets.finding.levels import sampled
+from obseq.targets.finding.fits import Fit, Placed
+from obseq.targets.finding.levels import Level, sampled
 from obseq.targets.finding.measuring import FOREIGN, outer_places, region_of
 from obseq.targets.finding.rings import Reading, Unread, code_of
-from obseq.targets.specification import are_set
-
-if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, FloatCubes, FloatRows
-    from obseq.targets.finding.fits import Fit
-    from obseq.targets.finding.levels import Level
-    from obseq.targets.specification import Specification
+from obseq.targets.specification import Specification, are_set
 
 ACROSS = 12
 """Pixels of a unit that are enough to read bits: more are put together."""

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from obseq.arrays import FloatArray, FloatRows
 from obseq.compilation import compiled
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows
 
 RING = 24
 """Places on a circle around a saddle, or on an ellipse around a spot."""

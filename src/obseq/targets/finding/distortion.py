@@ -7,18 +7,14 @@ not zero where the distortion has another centre.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows
+from obseq.targets.finding.fits import Fit
 from obseq.targets.finding.measuring import BEND_PRIOR
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, FloatRows
-    from obseq.targets.finding.fits import Fit
 
 RADIAL_PRIOR = 0.1
 """Sigma of k, before anything is measured."""

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from obseq.arrays import FloatArray, FloatRows
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.temporaries import backward, factor_group, forward
 from obseq.targets.drawing.rendering import normal_equations
 from obseq.targets.finding.detection import between
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows
 
 RADII = (0.25, 0.4, 0.55, 0.7, 0.85, 1.0)
 """Circles in a disc on which it is looked at, in its radii."""

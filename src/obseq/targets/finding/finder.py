@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
 from obseq.dataclass import dataclass
 from obseq.targets.drawing.drawings import bits_drawn
 from obseq.targets.finding.candidates import SURE, find_discs, find_spots
 from obseq.targets.finding.chequers import EITHER, ODD, RoughBits, bit_ink, chequered_discs, read_bits
 from obseq.targets.finding.covering import Covering, covered_by
 from obseq.targets.finding.distortion import with_one_distortion
-from obseq.targets.finding.fits import as_in_squares
-from obseq.targets.finding.levels import levels_of
+from obseq.targets.finding.fits import Fit, Placed, as_in_squares
+from obseq.targets.finding.levels import Level, levels_of
 from obseq.targets.finding.measuring import FORGIVEN, Drawings, fit_drawing
 from obseq.targets.finding.rings import Reading, Unread, read_rings
 from obseq.targets.finding.zones import worst_quadrant
-from obseq.targets.specification import extent
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
-    from obseq.targets.finding.fits import Fit, Placed
-    from obseq.targets.finding.levels import Level
-    from obseq.targets.specification import Specification
+from obseq.targets.specification import Specification, extent
 
 LIKE = 0.85
 """Share of the grey variance, but for noise, that the drawing of a target explains at least."""

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obseq.arrays import FloatArray, FloatRows, IntArray
 from obseq.dataclass import dataclass
 
 SQUARE = 8
 """Pixels of the side of the squares in which JPEG rounds: what it adds is common to those of one."""
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from obseq.arrays import FloatArray, FloatRows, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 
+from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
 from obseq.dataclass import dataclass
 from obseq.targets.finding.detection import halved
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from obseq.arrays import Array, BoolArray, FloatArray, FloatRows
 
 TILE = 1024
 """Pixels of the side of a tile: what is computed on one stays in a cache of the second level, nearly."""

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from obseq.arrays import ByteRows, FloatArray, FloatRows, IntArray
 from obseq.compilation import compiled
 from obseq.targets.finding.detection import RING, between
-
-if TYPE_CHECKING:
-    from obseq.arrays import ByteRows, FloatArray, FloatRows, IntArray
 
 
 @compiled

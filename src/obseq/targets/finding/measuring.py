@@ -9,20 +9,18 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from obseq.arrays import Array, FloatArray, FloatRows, IntArray
 from obseq.kernels.calculator import calculator
 from obseq.targets.drawing.drawings import figure_of, inked_bits
 from obseq.targets.drawing.legend import CELL, dot_size
 from obseq.targets.drawing.painting import smooth_table
 from obseq.targets.drawing.rendering import Region, lattice, normal_equations, observe, render, spread
 from obseq.targets.finding.fits import Fit, Placed, in_squares
-
-if TYPE_CHECKING:
-    from obseq.arrays import Array, FloatArray, FloatRows, IntArray
-    from obseq.targets.specification import Specification
+from obseq.targets.specification import Specification
 
 FORMULA = "DeformImHomography"
 GAIN, OFFSET, SLOPES, BLUR, MATRIX, PERSPECTIVE, BEND, CENTRE = (

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from obseq.arrays import FloatArray, FloatRows
 from obseq.compilation import compiled
 from obseq.leastsquares.loops.temporaries import backward, factor_group, forward
 from obseq.targets.finding.detection import between
-
-if TYPE_CHECKING:
-    from obseq.arrays import FloatArray, FloatRows
 
 RAYS = 32
 """Rays from the middle of a spot to its edge."""
