@@ -133,7 +133,8 @@ def test_a_failing_diagnosis_takes_no_result_away(planted, mistakes, tmp_path, m
         (DIST, 328.9, 328.9 * 0.3048, "W106", "feet"),
         (DIST, 1002.5, 100.25, "W129", "decimal point"),
         (DIST, 123.456, 132.456, "W110", "two digits are exchanged"),
-        (DH, -1.234, 1.234, "W105", "the sign"),
+        (DH, -1.234, 1.234, "W105", "the sign, or the order"),
+        (COORDINATE, -1.234, 1.234, "W105", "its sign is wrong"),
         (DH, 1234.0, 1.234, "W126", "millimetres"),
     ],
 )

@@ -76,5 +76,5 @@ def _change(given: FloatArray, found: FloatArray) -> str | None:
     turn = math.acos(min(max((float(np.trace(rotation)) - 1.0) / 2.0, -1.0), 1.0))
     return (
         f"what is observed agrees with itself, and places them turned by {math.degrees(turn):.4g} degrees "
-        f"and {1e6 * (scale - 1.0):+.0f} ppm larger"
+        f"and {1e6 * (scale - 1.0):+z.0f} ppm larger"
     )

@@ -62,6 +62,7 @@ _LENGTHS = (
     Mistake("W106", _FEET_TEXT, lambda v: v * FEET),
 )
 _SIGN = Mistake("W105", "the sign, or the order of the two points, is wrong", lambda v: -v)
+_SIGN_OF_ONE = Mistake("W105", "its sign is wrong", lambda v: -v)
 _OF_ZENITH = (
     Mistake("W103", "an elevation in place of a zenith angle", lambda v: math.pi / 2.0 - v),
     Mistake(
@@ -97,6 +98,8 @@ def mistakes_of(kind: ObservationKind) -> tuple[Mistake, ...]:
         return _ANGLES + _OF_ZENITH
     if kind.is_angle:
         return _ANGLES + (_OF_ANGLE if kind.start is Start.ANGLE else _OF_HZ)
+    if kind is COORDINATE:
+        return (*_LENGTHS, _SIGN_OF_ONE)
     return _LENGTHS if kind.start in (Start.DISTANCE, Start.FLAT) else (*_LENGTHS, _SIGN)
 
 
